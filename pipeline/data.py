@@ -1,0 +1,214 @@
+"""The values that stages hand to each other.
+
+Small frozen dataclasses. Arrays are indexed (row, column[, channel]) with row 0 at the top of the photograph; in-plane
+angles are anticlockwise from +x with y up, as seen in the displayed photograph. Lengths carry their unit in the name.
+Fields may be arrays, ``str``, ``int``, ``float``, ``bool``, ``None``, and tuples or string-keyed dicts of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.floating]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class GratingSample:
+    """A printed holographic sample, known exactly because it was drawn.
+
+    Attributes
+    ----------
+    orientation_rad : ndarray of shape (M, N), float32
+        Orientation of the grating's tangent (the direction in which it diffracts), in [0, pi); NaN on the ground.
+    period_um : ndarray of shape (M, N), float32
+        Grating period; NaN on the ground.
+    pixel_mm : float
+        Pitch of this map; finer than any camera that photographs it.
+    depth_um : float
+        Peak-to-valley depth of the sinusoidal profile.
+    amplitude_ratio, phase_rad : float
+        ``R = r exp(i zeta)``, complex ratio of s to p amplitude in the zeroth order.
+    retardation_rad : float
+        Retardation of one pass through the protective film.
+    film_axis_rad : float
+        Direction of the film's optical axis.
+    ground_reflectance : float
+        Unpolarised reflectance of the ground relative to the zeroth order of the longest period.
+    name : str
+        What is drawn.
+    """
+
+    orientation_rad: FloatArray
+    period_um: FloatArray
+    pixel_mm: float
+    depth_um: float
+    amplitude_ratio: float
+    phase_rad: float
+    retardation_rad: float
+    film_axis_rad: float
+    ground_reflectance: float
+    name: str
+
+    @property
+    def diffracts(self) -> BoolArray:
+        """Where the sample carries a grating, shape (M, N)."""
+        return np.isfinite(self.orientation_rad)
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """One linear photograph.
+
+    Attributes
+    ----------
+    image : ndarray of shape (M, N) or (M, N, 3), float32
+        Linear signal; 1 is the sensor's full scale.
+    saturated : ndarray of shape (M, N), bool
+        Pixels at or above full scale.
+    exposure_s : float or None
+        Exposure time.
+    metadata : dict of str to str
+        What the camera said about itself (model, ISO, aperture, ...).
+    """
+
+    image: FloatArray
+    saturated: BoolArray
+    exposure_s: float | None = None
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class PolarizerSequence:
+    """Photographs of one scene through a linear polariser at several angles.
+
+    Attributes
+    ----------
+    images : ndarray of shape (K, M, N), float32
+        Linear photographs; 1 is the sensor's full scale.
+    polarizer_rad : ndarray of shape (K,), float64
+        Angle of the polariser's transmitted direction in each photograph.
+    valid : ndarray of shape (M, N), bool
+        Pixels inside the photographer's mask that are finite and unsaturated in every photograph.
+    pixel_mm : float or None
+        Pixel pitch on the sample.
+    wavelength_nm : float or None
+        Centre of the spectral filter.
+    exposure_s : tuple of float or None
+        Exposure time of each photograph.
+    metadata : dict of str to str
+        What the camera said about itself.
+    """
+
+    images: FloatArray
+    polarizer_rad: FloatArray
+    valid: BoolArray
+    pixel_mm: float | None = None
+    wavelength_nm: float | None = None
+    exposure_s: tuple[float, ...] | None = None
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class OrientationMap:
+    """Orientation of the grating's tangent at every pixel.
+
+    Attributes
+    ----------
+    orientation_rad : ndarray of shape (M, N), float32
+        In [0, pi); NaN outside ``mask``.
+    correlation : ndarray of shape (M, N), float32
+        Normalised correlation of the fitted model with the photographs, in [0, 1]; NaN outside ``mask``.
+    intensity : ndarray of shape (M, N), float32
+        Mean over the photographs, full scale 1.
+    mask : ndarray of shape (M, N), bool
+        Pixels that diffract.
+    pixel_mm : float or None
+        Pixel pitch on the sample.
+    absolute : bool
+        False where the map is known only up to one offset, the same for every pixel.
+    """
+
+    orientation_rad: FloatArray
+    correlation: FloatArray
+    intensity: FloatArray
+    mask: BoolArray
+    pixel_mm: float | None = None
+    absolute: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodMap:
+    """Grating period at every pixel.
+
+    Attributes
+    ----------
+    period_um : ndarray of shape (M, N), float32
+        NaN outside ``mask``.
+    mask : ndarray of shape (M, N), bool
+        Pixels that diffract.
+    pixel_mm : float or None
+        Pixel pitch on the sample.
+    relative : bool
+        True where only ratios of periods were measured and the longest was given.
+    """
+
+    period_um: FloatArray
+    mask: BoolArray
+    pixel_mm: float | None = None
+    relative: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class PictureSeries:
+    """Colour pictures of one sample under a point light at several places.
+
+    Attributes
+    ----------
+    rgb : ndarray of shape (L, M, N, 3), float32
+        Linear, sRGB primaries, white (1, 1, 1).
+    light_mm : ndarray of shape (L, 3), float64
+        Position of the light: x right, y up, z towards the camera, origin at the centre of the sample.
+    camera_mm : ndarray of shape (3,), float64
+        Position of the camera in the same frame.
+    pixel_mm : float or None
+        Pixel pitch on the sample.
+    caption : str
+        What the pictures show.
+    """
+
+    rgb: FloatArray
+    light_mm: FloatArray
+    camera_mm: FloatArray
+    pixel_mm: float | None = None
+    caption: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class OrientationError:
+    """Signed difference between an estimated orientation and the truth.
+
+    Attributes
+    ----------
+    error_rad : ndarray of shape (M, N), float32
+        Estimate minus truth minus offset, in [-pi/2, pi/2); NaN where either is masked.
+    offset_rad : float
+        The one offset removed from every pixel.
+    metrics : dict of str to float
+        Figures for the table: each name ends in its unit.
+    """
+
+    error_rad: FloatArray
+    offset_rad: float
+    metrics: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Metrics:
+    """Figures for the table: each name ends in its unit."""
+
+    metrics: Mapping[str, float]

@@ -1,0 +1,1 @@
+"""Device drivers: simulated, replayed and real, behind the same protocols."""

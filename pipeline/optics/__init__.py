@@ -1,0 +1,1 @@
+"""Physics as pure functions: arrays in, arrays out, no state, no files."""

@@ -1,0 +1,1 @@
+"""Stages: plain functions that a YAML graph names as ``package.function``."""

@@ -1,0 +1,1 @@
+"""Stages that take photographs on a rig."""

@@ -1,0 +1,1 @@
+"""Comparison of maps with each other and with the truth."""

@@ -1,0 +1,1 @@
+"""Maps derived from fitted maps."""

@@ -1,0 +1,1 @@
+"""Model fits: from photographs to maps."""
