@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 
 _budget: ContextVar[int | None] = ContextVar("thread_budget", default=None)
+_meter: ContextVar[list[float] | None] = ContextVar("cpu_meter", default=None)
 
 
 def cores() -> int:
@@ -31,6 +33,18 @@ def thread_budget(count: int) -> Iterator[None]:
         _budget.reset(token)
 
 
+@contextmanager
+def cpu_meter() -> Iterator[Callable[[], float]]:
+    """Measure the CPU seconds of this thread and of the threads that :func:`over_rows` starts inside the block."""
+    helpers: list[float] = []
+    token = _meter.set(helpers)
+    start = time.thread_time()
+    try:
+        yield lambda: time.thread_time() - start + sum(helpers)
+    finally:
+        _meter.reset(token)
+
+
 def over_rows(kernel: Callable[[int, int], None], rows: int, *, tile: int = 64) -> None:
     """Call ``kernel(start, stop)`` for row tiles that cover ``range(rows)``.
 
@@ -42,6 +56,14 @@ def over_rows(kernel: Callable[[int, int], None], rows: int, *, tile: int = 64) 
         for start, stop in tiles:
             kernel(start, stop)
         return
+
+    def timed(span: tuple[int, int]) -> float:
+        start = time.thread_time()
+        kernel(*span)
+        return time.thread_time() - start
+
     with ThreadPoolExecutor(count) as pool:
-        for _ in pool.map(lambda span: kernel(*span), tiles):
-            pass
+        seconds = sum(pool.map(timed, tiles))
+    meter = _meter.get()
+    if meter is not None:
+        meter.append(seconds)

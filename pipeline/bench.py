@@ -1,0 +1,287 @@
+"""From overrides to results: compose, check, plan, execute, keep."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from pipeline.catalog import Catalog
+from pipeline.config import Configuration, compose
+from pipeline.errors import PipelineError
+from pipeline.execute import Listener, Outcome, check_devices, execute, scheduler
+from pipeline.files import FileDigests
+from pipeline.graph import DeviceRecipe, Graph, Node, build_graph
+from pipeline.keys import digest
+from pipeline.plan import Plan, make_plan
+from pipeline.provenance import commit, versions
+from pipeline.runs import NodeRun, Run, last_keys, open_run, remember_keys
+from pipeline.source import Sources
+from pipeline.store import Store, data_types
+
+RUN_DIGEST_CHARACTERS = 8
+
+
+class RunFailed(PipelineError):
+    """Some stages failed; ``run`` holds what was finished."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        super().__init__(run)
+
+    def __str__(self) -> str:
+        lines = []
+        for node in self.run.nodes.values():
+            if node.status == "failed":
+                lines.append(f"stage '{node.name}' ({node.stage}) failed:\n{_indented(node.error)}")
+            elif node.status == "blocked":
+                lines.append(f"stage '{node.name}' was not run: it waits for {', '.join(node.blocked_by)}")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A composed and checked experiment, ready to be planned and run."""
+
+    configuration: Configuration
+    catalog: Catalog
+    graph: Graph
+
+    @classmethod
+    def load(cls, overrides: Sequence[str]) -> Experiment:
+        """Compose and check.
+
+        Raises
+        ------
+        InputError, InputErrors
+            Whatever is wrong with the configuration.
+        """
+        configuration = compose(overrides)
+        paths = configuration.content.get("paths", {})
+        catalog = Catalog(Sources(Path(str(paths.get("store", "runs/.store"))) / "memory" / "sources.json"))
+        return cls(configuration, catalog, build_graph(configuration, catalog))
+
+    @property
+    def name(self) -> str:
+        """Name of the experiment."""
+        return self.configuration.experiment
+
+    @property
+    def runs(self) -> Path:
+        """Folder of all runs."""
+        return Path(str(self.configuration.content["paths"]["runs"]))
+
+    @cached_property
+    def store(self) -> Store:
+        """Where results are kept."""
+        return Store(Path(str(self.configuration.content["paths"]["store"])))
+
+    @property
+    def digest(self) -> str:
+        """Digest of the configuration, leaving out where results go and who computes them."""
+        ignored = {"paths", "executor", "recapture"}
+        content = {k: v for k, v in self.configuration.content.items() if k not in ignored}
+        return digest({"experiment": self.name, **content})[:RUN_DIGEST_CHARACTERS]
+
+    @property
+    def command(self) -> str:
+        """The command that runs it again."""
+        words = [o.text if o.path != "experiment" else f"+{o.text}" for o in self.configuration.overrides]
+        return shlex.join(["python", "-m", "pipeline", *words])
+
+    def plan(self) -> Plan:
+        """Find out what would run.
+
+        Raises
+        ------
+        InputErrors
+            Files that settings name are missing or cannot be read.
+        """
+        files = FileDigests(self.store.memory / "files.json")
+        plan = make_plan(
+            self.graph,
+            self.catalog.sources,
+            self.store,
+            files,
+            last=last_keys(self.runs, self.name),
+            recapture=bool(self.configuration.content.get("recapture", False)),
+        )
+        if plan.to_run and self.store.root.is_dir():
+            try:
+                files.remember()
+                self.catalog.sources.remember()
+            except OSError:
+                return plan
+        return plan
+
+    def run(self, listener: Listener) -> Run:
+        """Run what is not in the store yet, and keep the manifest; failures are in the run.
+
+        Raises
+        ------
+        InputError, InputErrors
+            Something is wrong that was found before any stage ran.
+        """
+        from pipeline import report
+
+        start = time.perf_counter()
+        run_graph = scheduler(self.configuration.content.get("executor", {}))
+        plan = self.plan()
+        if not plan.to_run and (known := self._finished(plan)) is not None:
+            for name, step in plan.steps.items():
+                listener.ended(Outcome(name, "cached", step.record, step.reason))
+            return known
+        if plan.to_run:
+            self.store.check_writable()
+            check_devices(plan)
+        provenance = {"commit": commit(), "versions": versions()}
+        outcomes = execute(plan, self.store, listener, run_graph=run_graph, provenance=provenance)
+        run = self._run(outcomes, provenance, time.perf_counter() - start)
+        run.save()
+        remember_keys(self.runs, run)
+        report.write_outputs(run)
+        report.write(run)
+        return run
+
+    def _finished(self, plan: Plan) -> Run | None:
+        """The run as it lies in its folder, where that is complete and all its values are those of the plan."""
+        try:
+            run = open_run(self.runs / self.name / self.digest)
+        except PipelineError:
+            return None
+        artifacts = {name: step.record.artifact for name, step in plan.steps.items() if step.record}
+        same = artifacts == {n.name: n.artifact for n in run.nodes.values() if n.artifact}
+        if not same or run.failed or not run.report.is_file():
+            return None
+        nodes = {
+            n.name: replace(n, status="cached", reason=plan.steps[n.name].reason) if n.artifact else n
+            for n in run.nodes.values()
+        }
+        return replace(run, nodes=nodes)
+
+    def _run(self, outcomes: Mapping[str, Outcome], provenance: Mapping[str, Any], seconds: float) -> Run:
+        from omegaconf import OmegaConf
+
+        nodes = {name: _node_run(node, outcomes[name]) for name, node in self.graph.nodes.items()}
+        nodes |= {name: NodeRun(name, reason=reason) for name, reason in self.graph.absent.items()}
+        return Run(
+            name=self.name,
+            digest=self.digest,
+            path=self.runs / self.name / self.digest,
+            store=self.store,
+            command=self.command,
+            overrides=tuple(o.text for o in self.configuration.overrides),
+            description=str(self.configuration.content.get("description") or "").strip(),
+            nodes=nodes,
+            metrics=_metrics(nodes.values(), self.store),
+            config_yaml=OmegaConf.to_yaml(OmegaConf.create(self.configuration.content)),
+            versions=provenance["versions"],
+            commit=provenance["commit"],
+            host=platform.node(),
+            finished=datetime.now(UTC).isoformat(timespec="seconds"),
+            total_seconds=round(seconds, 3),
+        )
+
+
+class Silent:
+    """A listener that says nothing."""
+
+    def started(self, name: str) -> None:
+        """Hear that a stage has begun."""
+
+    def advanced(self, name: str, done: int, total: int) -> None:
+        """Hear that a stage has come further."""
+
+    def ended(self, outcome: Outcome) -> None:
+        """Hear that a node is done with."""
+
+
+def run(name: str, overrides: Iterable[str] = (), *, listener: Listener | None = None) -> Run:
+    """Run an experiment, as ``python -m pipeline +experiment=NAME OVERRIDES`` does.
+
+    Parameters
+    ----------
+    name : str
+        Name of the experiment.
+    overrides : iterable of str
+        Overrides as on the command line, such as ``"graph.photos.count=6"``.
+    listener : Listener, optional
+        Hears how the run goes on.
+
+    Returns
+    -------
+    Run
+        With every value, figure and second of it.
+
+    Raises
+    ------
+    InputError, InputErrors
+        Something is wrong that was found before any stage ran.
+    RunFailed
+        A stage failed; ``error.run`` holds what was finished.
+    """
+    done = Experiment.load([f"+experiment={name}", *overrides]).run(listener or Silent())
+    if done.failed:
+        raise RunFailed(done)
+    return done
+
+
+def _node_run(node: Node, outcome: Outcome) -> NodeRun:
+    record = outcome.record
+    return NodeRun(
+        name=node.name,
+        stage=node.entry.name,
+        summary=node.entry.summary,
+        status=outcome.status,
+        inputs={parameter: upstream or () for parameter, upstream in node.inputs.items()},
+        settings={name: _plain(value) for name, value in node.settings.items()},
+        written=node.written,
+        type=node.entry.type,
+        key=record.key if record else "",
+        artifact=record.artifact if record else "",
+        seconds=record.seconds if record else None,
+        cpu_seconds=record.cpu_seconds if record else None,
+        peak_mb=record.peak_mb if record else None,
+        host=record.host if record else "",
+        finished=record.finished if record else "",
+        warnings=record.warnings if record else (),
+        notes=record.notes if record else (),
+        reason=outcome.reason,
+        error=outcome.error,
+        blocked_by=outcome.blocked_by,
+    )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, DeviceRecipe):
+        return {"device": value.entry.name, **{name: _plain(item) for name, item in value.settings.items()}}
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _metrics(nodes: Iterable[NodeRun], store: Store) -> dict[str, float]:
+    """Figures of every node that has some; a name that two nodes share is led by the node's."""
+    found: dict[str, float] = {}
+    types = data_types()
+    for node in nodes:
+        if not node.artifact:
+            continue
+        has_metrics = any(f.name == "metrics" for f in fields(types[node.type])) if node.type in types else False
+        if not has_metrics:
+            continue
+        for name, figure in store.get(node.artifact).metrics.items():
+            found[name if name not in found else f"{node.name}.{name}"] = float(figure)
+    return found
+
+
+def _indented(text: str) -> str:
+    return "\n".join("  " + line for line in text.rstrip().splitlines())

@@ -1,0 +1,98 @@
+"""Files written whole or not at all, and digests of files remembered by their size and time."""
+
+from __future__ import annotations
+
+import json
+import os
+import uuid
+from pathlib import Path
+
+from pipeline.errors import InputError, nearest
+from pipeline.keys import digest, digest_file
+
+MOST_FILES = 10_000
+"""A folder given as a setting may hold at most this many files."""
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file so that a reader sees the old content or the new, never a part."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file so that a reader sees the old content or the new, never a part."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
+    try:
+        temporary.write_bytes(data)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+class FileDigests:
+    """Content digests of files and folders; a file is read again only when its size, time or place on disk changed.
+
+    Parameters
+    ----------
+    memory : Path, optional
+        File that keeps the digests for the next process.
+    """
+
+    def __init__(self, memory: Path | None = None) -> None:
+        self._memory = memory
+        self._fresh = False
+        try:
+            self._known: dict[str, list[object]] = json.loads(memory.read_text()) if memory else {}
+        except (OSError, ValueError):
+            self._known = {}
+
+    def of(self, path: Path) -> str:
+        """Digest of a file's bytes, or of a folder's files by their relative names; hidden files do not count.
+
+        Raises
+        ------
+        InputError
+            There is no such file or folder, or it cannot be read.
+        """
+        try:
+            if path.is_dir():
+                return digest({name: self._file(path / name) for name in _files_below(path)})
+            return self._file(path)
+        except FileNotFoundError:
+            raise InputError(f"there is no file or folder {path}", hint=_neighbour(path)) from None
+        except OSError as error:
+            raise InputError(f"{path} cannot be read: {error.strerror}") from None
+
+    def remember(self) -> None:
+        """Keep the digests for the next process."""
+        if self._memory is not None and self._fresh:
+            write_text(self._memory, json.dumps(self._known))
+            self._fresh = False
+
+    def _file(self, path: Path) -> str:
+        status = path.stat()
+        stamp = [status.st_size, status.st_mtime_ns, status.st_ino]
+        key = str(path.resolve())
+        known = self._known.get(key)
+        if known is None or known[:3] != stamp:
+            known = [*stamp, digest_file(path)]
+            self._known[key] = known
+            self._fresh = True
+        return str(known[3])
+
+
+def _files_below(folder: Path) -> list[str]:
+    names = []
+    for path in folder.rglob("*"):
+        relative = path.relative_to(folder)
+        if path.is_file() and not any(part.startswith(".") for part in relative.parts):
+            names.append(relative.as_posix())
+            if len(names) > MOST_FILES:
+                raise InputError(f"{folder} holds more than {MOST_FILES} files", expected="a folder of one capture")
+    return sorted(names)
+
+
+def _neighbour(path: Path) -> str:
+    parent = path.parent
+    return nearest(path.name, (p.name for p in parent.iterdir())) if parent.is_dir() else f"{parent} is missing too"

@@ -1,0 +1,284 @@
+"""What would run, and why: recipe keys, what the store already holds, and the reason in words for everything else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pipeline.errors import InputError, InputErrors
+from pipeline.files import FileDigests
+from pipeline.graph import DeviceRecipe, Graph, Node
+from pipeline.keys import Digest, digest
+from pipeline.source import Sources
+from pipeline.store import Record, Store
+
+Inputs = Mapping[str, str | tuple[str, ...] | None]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One node made ready to run anywhere: nothing is left to look up but the digests of its inputs.
+
+    Attributes
+    ----------
+    node : Node
+        Stage, inputs and settings.
+    code : dict of str to (str, str)
+        Digests of code and text of every module the stage stands on.
+    settings : dict
+        Settings as they enter the key: files by content, devices by name and settings.
+    session : int
+        For captures of real devices: which capture this is.
+    """
+
+    node: Node
+    code: Mapping[str, tuple[str, str]]
+    settings: Mapping[str, Any]
+    session: int = 0
+
+    def key(self, inputs: Inputs) -> str:
+        """Digest of the recipe, given the digests of the inputs' values."""
+        recipe = {
+            "stage": self.node.entry.name,
+            "settings": self.settings,
+            "inputs": {name: _by_content(value) for name, value in inputs.items()},
+        }
+        if self.node.is_source:
+            return digest({**recipe, "session": self.session})
+        return digest({**recipe, "code": {name: pair[0] for name, pair in self.code.items()}})
+
+
+@dataclass(frozen=True)
+class Step:
+    """What the plan says of one node.
+
+    Attributes
+    ----------
+    task : Task
+        What would run.
+    state : {"cached", "run", "depends"}
+        In the store; to be run; or to be decided when its inputs are there.
+    reason : str
+        Why, in words.
+    record : Record or None
+        What the store holds.
+    """
+
+    task: Task
+    state: Literal["cached", "run", "depends"]
+    reason: str
+    record: Record | None = None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Steps in an order in which each follows its inputs."""
+
+    steps: Mapping[str, Step]
+
+    @property
+    def to_run(self) -> dict[str, Step]:
+        """Steps that are not known to be in the store."""
+        return {name: step for name, step in self.steps.items() if step.state != "cached"}
+
+
+def make_plan(
+    graph: Graph,
+    sources: Sources,
+    store: Store,
+    files: FileDigests,
+    *,
+    last: Mapping[str, str] | None = None,
+    recapture: bool = False,
+) -> Plan:
+    """Find what is in the store and what has to run.
+
+    Parameters
+    ----------
+    graph : Graph
+        Checked nodes.
+    sources, store, files
+        Where code, results and digests of files are looked up.
+    last : dict of str to str, optional
+        Recipe key of each node in the last run of this experiment, to compare with.
+    recapture : bool
+        Whether to take the photographs of real devices anew.
+
+    Raises
+    ------
+    InputErrors
+        Files or folders that settings name are missing or cannot be read.
+    """
+    last = last or {}
+    tasks, problems = {}, []
+    for node in graph.nodes.values():
+        try:
+            tasks[node.name] = _task(node, sources, store, files, recapture=recapture)
+        except InputError as error:
+            problems.append(error)
+    if problems:
+        raise InputErrors(problems)
+    steps: dict[str, Step] = {}
+    for name, task in tasks.items():
+        steps[name] = _step(task, steps, store, last.get(name))
+    _recompute_damaged(steps, store)
+    return Plan(steps)
+
+
+def inputs_of(node: Node, artifacts: Mapping[str, str]) -> Inputs:
+    """Digests of a node's inputs by parameter."""
+    return {
+        parameter: None
+        if upstream is None
+        else tuple(artifacts[name] for name in upstream)
+        if parameter in node.lists
+        else artifacts[upstream[0]]
+        for parameter, upstream in node.inputs.items()
+    }
+
+
+def _task(node: Node, sources: Sources, store: Store, files: FileDigests, *, recapture: bool) -> Task:
+    modules = {node.entry.module}
+    for device in node.devices():
+        modules |= {recipe.entry.module for recipe in device.walk()}
+    code = {name: (m.code_digest, m.text_digest) for name, m in sources.closure(modules).items()}
+    settings = {}
+    for name, value in node.settings.items():
+        try:
+            settings[name] = _canonical(value, files)
+        except InputError as error:
+            raise error.at(f"{node.path}.{name}") from None
+    task = Task(node, code, settings)
+    if node.is_source:
+        session = _sessions_taken(task, store)
+        return Task(node, code, settings, session if recapture else max(0, session - 1))
+    return task
+
+
+def _sessions_taken(task: Task, store: Store) -> int:
+    """How many captures with these settings the store holds."""
+    count = 0
+    inputs: Inputs = dict.fromkeys(task.node.inputs)
+    while store.record(Task(task.node, task.code, task.settings, count).key(inputs)) is not None:
+        count += 1
+    return count
+
+
+def _canonical(value: Any, files: FileDigests) -> Any:
+    """A setting as it enters the key."""
+    if isinstance(value, Path):
+        return {"content": files.of(value)}
+    if isinstance(value, DeviceRecipe):
+        inner = {name: _canonical(item, files) for name, item in value.settings.items()}
+        return {"device": value.entry.name, **inner}
+    if isinstance(value, list):
+        return [_canonical(item, files) for item in value]
+    if isinstance(value, Mapping):
+        return {name: _canonical(item, files) for name, item in value.items()}
+    return value
+
+
+def _by_content(value: str | tuple[str, ...] | None) -> Any:
+    if isinstance(value, tuple):
+        return [Digest(item) for item in value]
+    return None if value is None else Digest(value)
+
+
+def _step(task: Task, steps: Mapping[str, Step], store: Store, last_key: str | None) -> Step:
+    node = task.node
+    waiting = [name for name in node.upstream() if steps[name].state != "cached"]
+    if waiting:
+        return Step(task, "depends", f"if {' or '.join(waiting)} changes")
+    artifacts = {name: _artifact(steps[name]) for name in node.upstream()}
+    inputs = inputs_of(node, artifacts)
+    key = task.key(inputs)
+    record = store.find(key)
+    previous = store.record(last_key) if last_key else None
+    if record is not None:
+        return Step(task, "cached", _kept_reason(task, record), record)
+    if store.record(key) is not None:
+        return Step(task, "run", "its result is no longer in the store")
+    return Step(task, "run", _changed_reason(task, inputs, previous))
+
+
+def _artifact(step: Step) -> str:
+    assert step.record is not None
+    return step.record.artifact
+
+
+def _kept_reason(task: Task, record: Record) -> str:
+    reworded = [
+        name
+        for name, (code, text) in task.code.items()
+        if name in record.code and record.code[name][0] == code and record.code[name][1] != text
+    ]
+    if reworded:
+        return f"in the store; comments or docstrings changed in {_listed(reworded)}, the code did not"
+    if task.node.is_source and any(record.code.get(n, ("", ""))[0] != pair[0] for n, pair in task.code.items()):
+        return "in the store; the code changed since, but a capture is never taken again unless recapture=true"
+    return "in the store"
+
+
+def _changed_reason(task: Task, inputs: Inputs, previous: Record | None) -> str:
+    if previous is None:
+        return "never run"
+    reasons = []
+    if previous.stage != task.node.entry.name:
+        reasons.append(f"stage changed: {previous.stage} -> {task.node.entry.name}")
+    else:
+        reasons += _changed_settings(previous.settings, task.settings)
+    changed = [n for n, pair in task.code.items() if n in previous.code and previous.code[n][0] != pair[0]]
+    if changed:
+        reasons.append(f"code changed: {_listed(changed)}")
+    if previous.stage == task.node.entry.name:
+        imports = sorted(set(task.code) ^ set(previous.code))
+        if imports:
+            reasons.append(f"imports changed: {_listed(imports)}")
+    for name, value in inputs.items():
+        before = previous.inputs.get(name)
+        if (list(before) if isinstance(before, list | tuple) else before) != (
+            list(value) if isinstance(value, tuple) else value
+        ):
+            reasons.append(f"input '{name}' changed")
+    return "; ".join(reasons) or "a new capture was asked for"
+
+
+def _changed_settings(before: Mapping[str, Any], after: Mapping[str, Any], path: str = "") -> list[str]:
+    found = []
+    for name in sorted({*before, *after}):
+        old, new = before.get(name), after.get(name)
+        if isinstance(old, Mapping) and isinstance(new, Mapping):
+            if "content" in old and "content" in new and old != new:
+                found.append(f"files changed: {path}{name}")
+            else:
+                found += _changed_settings(old, new, f"{path}{name}.")
+        elif (list(old) if isinstance(old, tuple) else old) != (list(new) if isinstance(new, tuple) else new):
+            found.append(f"{path}{name} changed: {old} -> {new}")
+    return found
+
+
+def _listed(modules: list[str]) -> str:
+    return ", ".join(name.replace(".", "/") + ".py" for name in modules)
+
+
+def _recompute_damaged(steps: dict[str, Step], store: Store) -> None:
+    """Check the stored values that this run will read; what is damaged is run again."""
+    while True:
+        read = {
+            name
+            for step in steps.values()
+            if step.state != "cached"
+            for name in step.task.node.upstream()
+            if steps[name].state == "cached"
+        }
+        damaged = [name for name in sorted(read) if not store.sound(_artifact(steps[name]))]
+        if not damaged:
+            return
+        for name in damaged:
+            steps[name] = Step(steps[name].task, "run", "its stored result is damaged and was set aside")
+        for name, step in list(steps.items()):
+            waiting = [n for n in step.task.node.upstream() if steps[n].state != "cached"]
+            if step.state == "cached" and waiting:
+                steps[name] = Step(step.task, "depends", f"if {' or '.join(waiting)} changes")

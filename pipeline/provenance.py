@@ -1,0 +1,52 @@
+"""Where a result comes from: versions, commit, host."""
+
+from __future__ import annotations
+
+import platform
+import re
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+
+DISTRIBUTION = "optibench"
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, of this package and of the libraries that it requires."""
+    found = {"python": platform.python_version()}
+    try:
+        names = [
+            DISTRIBUTION,
+            *(re.split(r"[^\w.-]", r)[0] for r in requires(DISTRIBUTION) or () if "extra ==" not in r),
+        ]
+    except PackageNotFoundError:
+        return found
+    for name in names:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def commit() -> str:
+    """Commit of the checkout that this package runs from, read without git; empty when it is not one."""
+    for folder in Path(__file__).resolve().parents[1:2]:
+        git = folder / ".git"
+        if git.is_file():
+            git = (folder / git.read_text().removeprefix("gitdir:").strip()).resolve()
+        try:
+            head = (git / "HEAD").read_text().strip()
+            if not head.startswith("ref: "):
+                return head
+            reference = head.removeprefix("ref: ")
+            common = git / "commondir"
+            base = (git / common.read_text().strip()).resolve() if common.is_file() else git
+            loose = base / reference
+            if loose.is_file():
+                return loose.read_text().strip()
+            for line in (base / "packed-refs").read_text().splitlines():
+                if line.endswith(" " + reference):
+                    return line.split()[0]
+        except OSError:
+            continue
+    return ""

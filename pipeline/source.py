@@ -1,0 +1,330 @@
+"""What the source code says, read without running it: signatures, imports, and a digest that ignores prose.
+
+A module is known by its syntax tree without comments and docstrings. A stage's code is its module and every module of
+ours that this one imports, directly or not, so that an edit to a helper counts and a reworded docstring does not.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from pipeline.keys import DIGEST_CHARACTERS, digest_bytes
+
+ROOT = "pipeline"
+REQUIRED = "<required>"
+_CACHE_FORMAT = 3
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter as its signature writes it."""
+
+    name: str
+    annotation: str
+    default: Any = REQUIRED
+    keyword_only: bool = False
+
+    @property
+    def required(self) -> bool:
+        """Whether a value has to be given."""
+        return isinstance(self.default, str) and self.default == REQUIRED
+
+
+@dataclass(frozen=True)
+class Signature:
+    """A public function or class of a module: its parameters (the constructor's, for a class) and its manual."""
+
+    name: str
+    doc: str
+    parameters: tuple[Parameter, ...]
+    returns: str = ""
+    is_class: bool = False
+    constants: dict[str, Any] = field(default_factory=dict)
+    fault: str = ""
+
+
+@dataclass(frozen=True)
+class ModuleSource:
+    """What one source file says."""
+
+    name: str
+    path: Path
+    text_digest: str
+    code_digest: str
+    imports: tuple[str, ...]
+    names: dict[str, str]
+    signatures: dict[str, Signature]
+
+
+def declared(group: str) -> list[str]:
+    """Packages that installed distributions declare under an entry-point group."""
+    return sorted({point.value for point in entry_points(group=group)} - {group})
+
+
+class Sources:
+    """Reads modules of ours; remembers by the digest of their text what parsing them gave.
+
+    Parameters
+    ----------
+    memory : Path, optional
+        File that keeps what was parsed for the next process.
+    """
+
+    def __init__(self, memory: Path | None = None) -> None:
+        self._memory = memory
+        self._modules: dict[str, ModuleSource | None] = {}
+        self._fresh = False
+        self._parsed: dict[str, dict[str, Any]] = _remembered(memory)
+
+    @cached_property
+    def packages(self) -> dict[str, Path]:
+        """Folders of the packages whose code is ours: this one, and those that offer stages or devices."""
+        names = {ROOT}
+        for group in ("pipeline.stages", "pipeline.devices"):
+            names |= {package.split(".")[0] for package in declared(group)}
+        found = {}
+        for name in sorted(names):
+            spec = importlib.util.find_spec(name)
+            if spec is not None and spec.submodule_search_locations:
+                found[name] = Path(next(iter(spec.submodule_search_locations)))
+        return found
+
+    def file_of(self, module: str) -> Path | None:
+        """Source file of a module of ours, or None."""
+        root, *rest = module.split(".")
+        folder = self.packages.get(root)
+        if folder is None:
+            return None
+        base = folder.joinpath(*rest)
+        for path in (base / "__init__.py", base.with_name(base.name + ".py")):
+            if path.is_file():
+                return path
+        return None
+
+    def module(self, name: str) -> ModuleSource | None:
+        """What the module's file says, or None where there is no such module of ours."""
+        if name not in self._modules:
+            path = self.file_of(name)
+            self._modules[name] = None if path is None else self._read(name, path)
+        return self._modules[name]
+
+    def modules_in(self, package: str) -> Iterator[ModuleSource]:
+        """The modules directly inside a package, by name."""
+        path = self.file_of(package)
+        if path is None or path.name != "__init__.py":
+            return
+        for file in sorted(path.parent.glob("*.py")):
+            if file.name != "__init__.py" and (module := self.module(f"{package}.{file.stem}")):
+                yield module
+
+    def subpackages(self, package: str) -> Iterator[str]:
+        """Names of the packages directly inside a package."""
+        path = self.file_of(package)
+        if path is not None:
+            for folder in sorted(path.parent.iterdir()):
+                if (folder / "__init__.py").is_file():
+                    yield f"{package}.{folder.name}"
+
+    def closure(self, names: Iterable[str]) -> dict[str, ModuleSource]:
+        """The named modules and all modules of ours that they import, directly or not, sorted by name."""
+        found: dict[str, ModuleSource] = {}
+        waiting = list(names)
+        while waiting:
+            name = waiting.pop()
+            if name in found or name == ROOT:
+                continue
+            module = self.module(name)
+            if module is None:
+                continue
+            found[name] = module
+            waiting += module.imports
+            waiting.append(name.rpartition(".")[0])
+        return dict(sorted(found.items()))
+
+    def remember(self) -> None:
+        """Keep what was parsed for the next process."""
+        if self._memory is None or not self._fresh:
+            return
+        from pipeline.files import write_text
+
+        current = {m.text_digest + " " + m.name for m in self._modules.values() if m}
+        kept = {key: value for key, value in self._parsed.items() if key in current}
+        write_text(self._memory, json.dumps({"format": _CACHE_FORMAT, "modules": kept}))
+        self._fresh = False
+
+    def _read(self, name: str, path: Path) -> ModuleSource:
+        text = path.read_bytes()
+        companions = [p for p in path.parent.glob(path.stem + ".*") if p.suffix not in {".py", ".pyc", ".pyi"}]
+        text_digest = digest_bytes(text)
+        key = f"{text_digest} {name}"
+        if key not in self._parsed:
+            self._parsed[key] = _parse(name, text, is_package=path.name == "__init__.py")
+            self._fresh = True
+        parsed = self._parsed[key]
+        code_digest = parsed["code_digest"]
+        for companion in sorted(companions):
+            code_digest = digest_bytes(f"{code_digest} {companion.name} ".encode() + companion.read_bytes())
+        return ModuleSource(
+            name=name,
+            path=path,
+            text_digest=text_digest,
+            code_digest=code_digest,
+            imports=tuple(parsed["imports"]),
+            names=parsed["names"],
+            signatures={
+                entry["name"]: Signature(**{**entry, "parameters": tuple(Parameter(**p) for p in entry["parameters"])})
+                for entry in parsed["signatures"]
+            },
+        )
+
+
+def _remembered(memory: Path | None) -> dict[str, dict[str, Any]]:
+    if memory is None:
+        return {}
+    try:
+        content = json.loads(memory.read_text())
+        return content["modules"] if content["format"] == _CACHE_FORMAT else {}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def _parse(module: str, text: bytes, *, is_package: bool) -> dict[str, Any]:
+    tree = ast.parse(text)
+    imports, names = _imports(tree, module, is_package=is_package)
+    signatures = [asdict(c) for c in _public_signatures(tree)]
+    _strip_docstrings(tree)
+    sha = hashlib.sha256()
+    for piece in _canonical(tree):
+        sha.update(piece.encode("utf-8", "surrogatepass"))
+    return {
+        "code_digest": sha.hexdigest()[:DIGEST_CHARACTERS],
+        "imports": imports,
+        "names": names,
+        "signatures": signatures,
+    }
+
+
+def _canonical(node: object) -> Iterator[str]:
+    """The tree as text, without positions and empty fields, which differ between versions of Python."""
+    if isinstance(node, ast.AST):
+        yield type(node).__name__ + "("
+        for name in node._fields:
+            value = getattr(node, name, None)
+            if value is None and not isinstance(node, ast.Constant):
+                continue
+            if value == [] or name in {"type_comment", "kind", "ctx"}:
+                continue
+            yield name + "="
+            yield from _canonical(value)
+        yield ")"
+    elif isinstance(node, list):
+        yield "["
+        for item in node:
+            yield from _canonical(item)
+            yield ","
+        yield "]"
+    else:
+        yield f"{type(node).__name__}:{node!r};"
+
+
+def _strip_docstrings(tree: ast.AST) -> None:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            node.body = [s for s in node.body if not _is_prose(s)] or [ast.Pass()]
+
+
+def _is_prose(statement: ast.stmt) -> bool:
+    return (
+        isinstance(statement, ast.Expr)
+        and isinstance(statement.value, ast.Constant)
+        and isinstance(statement.value.value, str)
+    )
+
+
+def _imports(tree: ast.AST, module: str, *, is_package: bool) -> tuple[list[str], dict[str, str]]:
+    """Candidate module names that the tree imports, and where each imported name comes from."""
+    package = module if is_package else module.rpartition(".")[0]
+    found: set[str] = set()
+    names: dict[str, str] = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parent = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = ".".join([*parent, *([node.module] if node.module else [])])
+            found.add(base)
+            for alias in node.names:
+                found.add(f"{base}.{alias.name}")
+                names[alias.asname or alias.name] = f"{base}.{alias.name}"
+    return sorted(found), names
+
+
+def _public_signatures(tree: ast.Module) -> Iterator[Signature]:
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            parameters, fault = _parameters(node.args)
+            returns = ast.unparse(node.returns) if node.returns else ""
+            yield Signature(node.name, ast.get_docstring(node) or "", parameters, returns, fault=fault)
+        elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield _class(node)
+
+
+def _class(node: ast.ClassDef) -> Signature:
+    constants: dict[str, Any] = {}
+    parameters: tuple[Parameter, ...] = ()
+    fault = ""
+    for item in node.body:
+        if isinstance(item, ast.FunctionDef) and item.name == "__init__":
+            args = item.args
+            parameters, fault = _parameters(
+                ast.arguments(
+                    posonlyargs=[],
+                    args=args.args[1:],
+                    vararg=args.vararg,
+                    kwonlyargs=args.kwonlyargs,
+                    kw_defaults=args.kw_defaults,
+                    kwarg=args.kwarg,
+                    defaults=args.defaults,
+                )
+            )
+        elif isinstance(item, ast.Assign | ast.AnnAssign) and isinstance(item.value, ast.Constant):
+            targets = item.targets if isinstance(item, ast.Assign) else [item.target]
+            constants |= {t.id: item.value.value for t in targets if isinstance(t, ast.Name)}
+    return Signature(
+        node.name, ast.get_docstring(node) or "", parameters, node.name, is_class=True, constants=constants, fault=fault
+    )
+
+
+def _parameters(args: ast.arguments) -> tuple[tuple[Parameter, ...], str]:
+    """Parameters in order, and what keeps this signature from being a stage's, if anything."""
+    fault = ""
+    found = []
+    if args.vararg or args.kwarg:
+        fault = "takes *args or **kwargs, so its inputs and settings cannot be named"
+    positional = args.posonlyargs + args.args
+    defaults: list[ast.expr | None] = [None] * (len(positional) - len(args.defaults)) + list(args.defaults)
+    pairs = [(arg, default, False) for arg, default in zip(positional, defaults, strict=True)]
+    pairs += [(arg, default, True) for arg, default in zip(args.kwonlyargs, args.kw_defaults, strict=True)]
+    for arg, default, keyword_only in pairs:
+        value: Any = REQUIRED
+        if default is not None:
+            try:
+                value = ast.literal_eval(default)
+            except ValueError:
+                fault = f"the default of '{arg.arg}' is not a literal"
+        annotation = ast.unparse(arg.annotation) if arg.annotation else ""
+        if not annotation:
+            fault = f"'{arg.arg}' has no annotation"
+        found.append(Parameter(arg.arg, annotation, value, keyword_only))
+    return tuple(found), fault
