@@ -1,8 +1,8 @@
 """Canonical digests of settings, arrays and files.
 
 Two values get the same digest exactly when a stage could not tell them apart: dtype, shape and C-order bytes of
-arrays count, memory layout and byte order do not; ``1``, ``1.0``, ``"1"`` and ``True`` differ; the order of keys does not count.
-Types without a canonical form are refused by name.
+arrays count, memory layout and byte order do not; ``1``, ``1.0``, ``"1"`` and ``True`` differ; the order of keys does
+not count. Types without a canonical form are refused by name.
 """
 
 from __future__ import annotations

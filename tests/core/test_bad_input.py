@@ -1,0 +1,166 @@
+"""Whatever is wrong is said before anything runs: what, where, what was expected, the nearest name."""
+
+from __future__ import annotations
+
+import os
+import re
+
+import pytest
+from toys import Toys
+
+from pipeline.config import compose
+from pipeline.errors import InputError, InputErrors
+
+
+def test_an_unknown_stage(toys: Toys) -> None:
+    with pytest.raises(InputErrors, match=r"no stage 'toy.scael'[\s\S]*override graph.big.stage[\s\S]*'toy.scale'\?"):
+        toys.load("graph.big.stage=toy.scael")
+
+
+def test_an_unknown_setting_in_the_file_names_file_and_line(toys: Toys) -> None:
+    toys.experiment.write_text(toys.experiment.read_text().replace("factor: 3", "facter: 3"))
+    with pytest.raises(InputErrors, match=r"'facter'[\s\S]*toy.yaml, line 9: graph.big.facter[\s\S]*'factor'\?"):
+        toys.load()
+
+
+def test_an_unknown_setting_on_the_command_line(toys: Toys) -> None:
+    with pytest.raises(InputErrors, match=r"'sise'[\s\S]*override graph.raw.sise=3[\s\S]*did you mean 'size'\?"):
+        toys.load("graph.raw.sise=3")
+
+
+def test_an_unknown_node(toys: Toys) -> None:
+    with pytest.raises(InputErrors, match=r"no node 'rwa'[\s\S]*graph.big.maps[\s\S]*did you mean 'raw'\?"):
+        toys.load("graph.big.maps=rwa")
+
+
+def test_a_cycle(toys: Toys) -> None:
+    with pytest.raises(InputErrors, match=r"in a circle: (big -> cut -> big|cut -> big -> cut)"):
+        toys.load("graph.big.maps=cut")
+
+
+def test_a_wrong_type_of_value(toys: Toys) -> None:
+    toys.graph(
+        """
+        raw: {stage: toy.source}
+        other: {stage: toy.turn, maps: raw}
+        big: {stage: toy.scale, maps: other}
+        """
+    )
+    with pytest.raises(
+        InputErrors, match=r"'other' gives OrientationMap[\s\S]*expected: PeriodMap[\s\S]*raw would fit"
+    ):
+        toys.load()
+
+
+def test_a_wrong_type_of_setting(toys: Toys) -> None:
+    with pytest.raises(InputErrors, match=r"factor is 'big' \(str\)[\s\S]*expected: float"):
+        toys.load("graph.big.factor=big")
+
+
+def test_a_wrong_choice(toys: Toys) -> None:
+    with pytest.raises(InputErrors, match=r"mode is 'upp'[\s\S]*one of 'up', 'down'[\s\S]*did you mean 'up'\?"):
+        toys.load("graph.big.mode=upp")
+
+
+def test_a_missing_setting(toys: Toys) -> None:
+    toys.stages.write_text(toys.stages.read_text().replace("factor: float = 2.0", "factor: float"))
+    toys.experiment.write_text(toys.experiment.read_text().replace("    factor: 3\n", ""))
+    with pytest.raises(InputErrors, match=r"toy.scale needs the setting 'factor'[\s\S]*toy.yaml, line 6"):
+        toys.load()
+
+
+def test_a_missing_input(toys: Toys) -> None:
+    toys.experiment.write_text(toys.experiment.read_text().replace("    maps: raw\n", ""))
+    with pytest.raises(InputErrors, match="input 'maps' is not given"):
+        toys.load()
+
+
+def test_several_errors_are_told_at_once(toys: Toys) -> None:
+    with pytest.raises(InputErrors, match="'sise'") as caught:
+        toys.load("graph.raw.sise=3", "graph.big.mode=upp", "graph.cut.maps=nothing")
+    assert len(caught.value.errors) == 3
+
+
+@pytest.mark.parametrize(
+    "name", ["os.system", "builtins.eval", "pipeline.stages.toy.source", "toy.maps.np.load", "toy._x"]
+)
+def test_nothing_but_stages_can_be_named(toys: Toys, name: str) -> None:
+    with pytest.raises(InputErrors, match=re.escape(f"there is no stage '{name}'")):
+        toys.load(f"graph.raw.stage={name}")
+
+
+def test_a_target_in_yaml_is_only_an_unknown_setting(toys: Toys) -> None:
+    toys.graph("raw: {stage: toy.source, _target_: os.system, command: 'touch broken'}")
+    with pytest.raises(InputErrors, match="has no setting or input '_target_'"):
+        toys.load()
+
+
+def test_an_unknown_experiment() -> None:
+    with pytest.raises(InputError, match=r"no experiment 'polarisation_logo'[\s\S]*'polarization_logo'\?"):
+        compose(["+experiment=polarisation_logo"])
+
+
+def test_no_experiment() -> None:
+    with pytest.raises(InputError, match=r"no experiment is named[\s\S]*\+experiment=NAME"):
+        compose(["graph.fit.prenormalize=false"])
+
+
+def test_an_unknown_rig() -> None:
+    with pytest.raises(InputError, match=r"no rig 'replya'[\s\S]*did you mean 'replay'\?"):
+        compose(["+experiment=polarization_logo", "rig=replya"])
+
+
+def test_a_store_on_a_read_only_disk(toys: Toys) -> None:
+    blocked = toys.folder / "file"
+    blocked.write_text("not a folder")
+    with pytest.raises(InputError, match=r"store .*file/store cannot be written to[\s\S]*paths.store"):
+        toys.run(f"paths.store={blocked / 'store'}")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_store_in_a_folder_without_permission(toys: Toys) -> None:
+    closed = toys.folder / "closed"
+    closed.mkdir(mode=0o500)
+    with pytest.raises(InputError, match="cannot be written to: Permission denied"):
+        toys.run(f"paths.store={closed / 'store'}")
+
+
+def test_a_missing_folder_names_the_nearest(toys: Toys) -> None:
+    (toys.folder / "photos").mkdir()
+    with pytest.raises(InputErrors, match=r"no file or folder .*photo\n[\s\S]*graph.raw.folder[\s\S]*'photos'\?"):
+        toys.run(f"graph.raw.folder={toys.folder / 'photo'}")
+
+
+def test_yaml_that_is_no_yaml(toys: Toys) -> None:
+    toys.experiment.write_text("graph: {raw: [}\n")
+    with pytest.raises(InputError, match=r"cannot be read[\s\S]*toy.yaml"):
+        toys.load()
+
+
+def test_an_unknown_executor(toys: Toys) -> None:
+    with pytest.raises(InputError, match="no executor 'thread'"):
+        toys.load("executor=thread")
+
+
+def test_swapping_a_stage_drops_its_old_settings_with_a_line(toys: Toys) -> None:
+    experiment = toys.load("graph.big.stage=toy.clip")
+    assert experiment.graph.nodes["big"].inputs == {"maps": ("raw",)}
+    assert experiment.graph.remarks == ("big: toy.clip has no factor; left out",)
+    with pytest.raises(InputErrors, match=r"toy\.clip has no setting or input 'factor'"):
+        toys.load("graph.big.stage=toy.clip", "graph.big.factor=2")
+
+
+def test_absent_nodes_take_along_what_cannot_do_without(toys: Toys) -> None:
+    toys.graph(
+        """
+        truth: {stage: toy.source, when: false}
+        raw: {stage: toy.source}
+        means: {stage: toy.mean, maps: [raw], truth: truth}
+        compared: {stage: toy.compare, maps: raw, truth: truth}
+        """
+    )
+    graph = toys.load().graph
+    assert set(graph.nodes) == {"raw", "means"}
+    assert graph.nodes["means"].inputs["truth"] is None
+    assert graph.absent["compared"] == "needs 'truth', which is absent"
+    assert set(toys.load("graph.truth.when=true").graph.nodes) == {"truth", "raw", "means", "compared"}

@@ -1,0 +1,140 @@
+"""Running, rerunning, and knowing what has to run again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from toys import Toys
+
+import pipeline
+from pipeline.errors import InputError
+
+
+def test_a_run_has_values_figures_and_seconds(toys: Toys) -> None:
+    run = toys.run()
+    np.testing.assert_array_equal(run["big"].period_um, np.full((3, 3), 3.0, np.float32))
+    assert run.metrics == {"mean_0_um": 1.0, "mean_1_um": 3.0}
+    assert run.seconds("big") >= 0
+    assert run.nodes["raw"].warnings == ("made of nothing",)
+    assert run.path == toys.folder / "runs" / "toy" / run.digest
+    with pytest.raises(InputError, match="no node 'bug'"):
+        run["bug"]
+
+
+def test_values_are_read_only(toys: Toys) -> None:
+    value = toys.run()["big"]
+    with pytest.raises(ValueError, match="read-only"):
+        value.period_um[0, 0] = 5
+
+
+def test_a_second_run_computes_nothing(toys: Toys) -> None:
+    assert toys.ran() == ["big", "cut", "means", "raw"]
+    assert toys.ran() == []
+    assert set(toys.reasons().values()) == {"cached: in the store"}
+
+
+def test_a_setting_reruns_what_follows_it(toys: Toys) -> None:
+    toys.run()
+    assert toys.reasons("graph.big.factor=4")["big"] == "run: factor changed: 3.0 -> 4.0"
+    assert toys.ran("graph.big.factor=4") == ["big", "cut", "means"]
+    assert toys.ran("graph.big.factor=4.0") == []
+
+
+def test_same_content_stops_the_ripple(toys: Toys) -> None:
+    toys.run("graph.cut.most=2")
+    assert toys.ran("graph.cut.most=2", "graph.big.factor=5") == ["big", "cut"]
+
+
+def test_a_default_written_out_is_no_change(toys: Toys) -> None:
+    toys.run()
+    assert toys.ran("graph.big.mode=up") == []
+
+
+def test_prose_reruns_nothing_and_why_says_so(toys: Toys) -> None:
+    toys.run()
+    toys.helper.write_text(toys.helper.read_text().replace("Scale.", "Multiply.").replace("# how", "# the way"))
+    toys.stages.write_text(toys.stages.read_text().replace("Second paragraph.", "Another paragraph."))
+    reasons = toys.reasons()
+    assert "comments or docstrings changed in toybench/arithmetic.py" in reasons["big"]
+    assert toys.ran() == []
+
+
+def test_a_helpers_formula_reruns_exactly_what_imports_it(toys: Toys) -> None:
+    other = toys.stages.with_name("other.py")
+    other.write_text(
+        "from __future__ import annotations\n\nfrom pipeline.data import PeriodMap\n\n\n"
+        'def same(maps: PeriodMap) -> PeriodMap:\n    """Give back."""\n    return maps\n'
+    )
+    toys.graph(
+        """
+        raw: {stage: toy.source}
+        big: {stage: toy.scale, maps: raw}
+        copy: {stage: toy.same, maps: big}
+        """
+    )
+    toys.run()
+    toys.helper.write_text(toys.helper.read_text().replace("array * factor", "array * factor + 1"))
+    reasons = toys.reasons()
+    assert reasons["raw"] == "run: code changed: toybench/arithmetic.py"
+    assert reasons["big"].startswith("depends: if raw changes")
+    run = toys.run()
+    assert {n.name: n.status for n in run.nodes.values()} == {"raw": "ran", "big": "ran", "copy": "ran"}
+    assert run["big"].period_um[0, 0] == 3
+    toys.helper.write_text(toys.helper.read_text().replace("factor + 1", "factor + 2"))
+    assert toys.reasons()["raw"].startswith("run")
+    other.write_text(other.read_text().replace("return maps", "return PeriodMap(maps.period_um, maps.mask)"))
+    toys.run()
+    other.write_text(other.read_text().replace("maps.mask)", "maps.mask, maps.pixel_mm)"))
+    assert toys.ran() == ["copy"]
+
+
+def test_the_same_configuration_has_the_same_folder(toys: Toys) -> None:
+    assert toys.run().path == toys.run().path
+    assert toys.run("graph.big.factor=7").path != toys.run().path
+
+
+def test_the_python_interface_runs_and_opens(toys: Toys) -> None:
+    run = pipeline.run("toy", [f"paths.runs={toys.folder / 'runs'}", "graph.raw.value=2"])
+    assert run.metrics["mean_0_um"] == 2
+    again = pipeline.open_run(run.path)
+    assert again.metrics == run.metrics
+    np.testing.assert_array_equal(again["big"].period_um, run["big"].period_um)
+
+
+def test_a_failure_blocks_only_what_waits_for_it(toys: Toys) -> None:
+    toys.graph(
+        """
+        raw: {stage: toy.source}
+        broken: {stage: toy.fails, maps: raw}
+        after: {stage: toy.clip, maps: broken}
+        last: {stage: toy.clip, maps: after}
+        fine: {stage: toy.scale, maps: raw}
+        """
+    )
+    with pytest.raises(pipeline.RunFailed, match="the toy broke") as caught:
+        pipeline.run("toy", [f"paths.runs={toys.folder / 'runs'}"])
+    run = caught.value.run
+    statuses = {n.name: n.status for n in run.nodes.values()}
+    assert statuses == {"raw": "ran", "broken": "failed", "after": "blocked", "last": "blocked", "fine": "ran"}
+    assert run.nodes["last"].blocked_by == ("broken",)
+    assert run["fine"].period_um[0, 0] == 2
+    assert sorted(n.name for n in toys.run().nodes.values() if n.status == "cached") == ["fine", "raw"]
+
+
+def test_serial_equals_threads(toys: Toys) -> None:
+    threads = toys.run()
+    serial = toys.run("executor=serial", f"paths.store={toys.folder / 'other'}")
+    assert {n.name: n.artifact for n in threads.nodes.values()} == {n.name: n.artifact for n in serial.nodes.values()}
+    assert threads.path == serial.path
+
+
+def test_files_count_by_content(toys: Toys) -> None:
+    photos = toys.folder / "photos"
+    photos.mkdir()
+    (photos / "a.txt").write_text("one")
+    toys.run(f"graph.raw.folder={photos}")
+    moved = photos.rename(toys.folder / "moved")
+    assert toys.ran(f"graph.raw.folder={moved}") == []
+    (moved / "a.txt").write_text("two")
+    assert toys.reasons(f"graph.raw.folder={moved}")["raw"] == "run: files changed: folder"
+    assert toys.ran(f"graph.raw.folder={moved}") == ["raw"]

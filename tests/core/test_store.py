@@ -1,0 +1,161 @@
+"""Artifacts: what goes in comes out, and what is damaged is noticed, set aside and computed again."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from toys import Toys
+
+from pipeline.artifact import META, DamagedArtifact
+from pipeline.data import Metrics, PeriodMap, PolarizerSequence
+from pipeline.errors import PipelineError
+from pipeline.store import Store
+
+
+def a_map(size: int = 4) -> PeriodMap:
+    return PeriodMap(np.arange(size * size, dtype=np.float32).reshape(size, size), np.eye(size, dtype=bool), 0.02)
+
+
+def test_a_value_comes_back_as_it_was(tmp_path: Path) -> None:
+    value = PolarizerSequence(
+        images=np.random.default_rng(0).random((3, 4, 5)).astype(np.float32),
+        polarizer_rad=np.array([0.0, 0.1, np.pi]),
+        valid=np.ones((4, 5), bool),
+        pixel_mm=0.1 + 0.2,
+        exposure_s=(0.01, 0.02, float("inf")),
+        metadata={"model": "Kamera £", "a/b": "../.."},
+    )
+    store = Store(tmp_path)
+    again = Store(tmp_path).get(store.put(value))
+    np.testing.assert_array_equal(again.images, value.images)
+    np.testing.assert_array_equal(again.polarizer_rad, value.polarizer_rad)
+    assert (again.pixel_mm, again.wavelength_nm, again.exposure_s) == (0.1 + 0.2, None, value.exposure_s)
+    assert again.metadata == value.metadata
+    assert not again.images.flags.writeable
+    assert isinstance(again.images, np.memmap)
+
+
+@given(
+    hnp.arrays(np.float32, hnp.array_shapes(min_dims=2, max_dims=2, min_side=0, max_side=4)),
+    st.dictionaries(st.text(), st.floats(), max_size=3),
+)
+def test_equal_content_has_equal_digest_and_any_value_survives(
+    tmp_path_factory: pytest.TempPathFactory, array: np.ndarray, figures: dict[str, float]
+) -> None:
+    store = Store(tmp_path_factory.mktemp("store"))
+    digest = store.put(PeriodMap(array, array > 0))
+    assert digest == store.put(PeriodMap(np.asfortranarray(array), array > 0))
+    np.testing.assert_array_equal(store.get(digest).period_um, array)
+    found = store.get(store.put(Metrics(figures))).metrics
+    assert {k: np.float64(v).tobytes() for k, v in found.items()} == pytest.approx(
+        {k: np.float64(v).tobytes() for k, v in figures.items()}
+    )
+
+
+def test_the_digest_of_a_value_is_frozen(tmp_path: Path) -> None:
+    assert Store(tmp_path).put(a_map(2)) == "9d28020d1e66c3eb4763ed45236a9178686c9b13"
+
+
+def test_nothing_unknown_can_be_stored(tmp_path: Path) -> None:
+    with pytest.raises(PipelineError, match="is of type set, which has no form on disk"):
+        Store(tmp_path).put(Metrics({"a": {1}}))  # type: ignore[dict-item]
+
+
+def flip(path: Path, position: int = -1) -> None:
+    data = bytearray(path.read_bytes())
+    data[position] ^= 0x40
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("name", ["period_um.npy", "mask.npy"])
+def test_a_flipped_byte_is_noticed_and_set_aside(tmp_path: Path, name: str) -> None:
+    digest = Store(tmp_path).put(a_map())
+    store = Store(tmp_path)
+    flip(store.object_folder(digest) / name)
+    with pytest.raises(DamagedArtifact, match=f"{name} has changed"):
+        store.get(digest)
+    assert not store.object_folder(digest).exists()
+    assert len(list((tmp_path / "damaged").iterdir())) == 1
+    assert store.put(a_map()) == digest
+
+
+def test_edited_metadata_is_noticed(tmp_path: Path) -> None:
+    digest = Store(tmp_path).put(a_map())
+    meta = Store(tmp_path).object_folder(digest) / META
+    meta.write_text(meta.read_text().replace("0x1.47ae147ae147bp-6", "0x1.5p-6"))
+    with pytest.raises(DamagedArtifact, match="is not the value of its name"):
+        Store(tmp_path).get(digest)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda e: e.update(array="../../x.npy"), "names a file outside itself"),
+        (lambda e: e.update(array="/etc/x.npy"), "names a file outside itself"),
+        (lambda e: e.update(shape=[2, 8]), "is not the array that meta.json describes"),
+    ],
+)
+def test_a_hostile_description_is_refused(tmp_path: Path, change: object, message: str) -> None:
+    digest = Store(tmp_path).put(a_map())
+    meta = Store(tmp_path).object_folder(digest) / META
+    content = json.loads(meta.read_text())
+    change(content["value"]["fields"]["period_um"])  # type: ignore[operator]
+    meta.write_text(json.dumps(content))
+    with pytest.raises(DamagedArtifact, match=message):
+        Store(tmp_path).get(digest)
+
+
+def test_only_classes_of_values_are_built(tmp_path: Path) -> None:
+    digest = Store(tmp_path).put(a_map())
+    meta = Store(tmp_path).object_folder(digest) / META
+    meta.write_text(meta.read_text().replace('"PeriodMap"', '"Popen"'))
+    with pytest.raises(DamagedArtifact, match="'Popen', which is no type of value"):
+        Store(tmp_path).get(digest)
+
+
+def test_pickles_are_not_read(tmp_path: Path) -> None:
+    digest = Store(tmp_path).put(a_map())
+    file = Store(tmp_path).object_folder(digest) / "period_um.npy"
+    np.save(file, np.array([print], dtype=object), allow_pickle=True)
+    with pytest.raises(DamagedArtifact, match="cannot be read"):
+        Store(tmp_path).get(digest)
+
+
+def test_a_torn_value_is_no_value(toys: Toys) -> None:
+    run = toys.run()
+    folder = run.store.object_folder(run.nodes["big"].artifact)
+    os.truncate(folder / "period_um.npy", 140)
+    assert toys.reasons()["big"] == "run: its result is no longer in the store"
+    assert toys.ran() == ["big"]
+
+
+def test_damage_is_found_before_it_is_read_and_recomputed(toys: Toys) -> None:
+    run = toys.run()
+    flip(run.store.object_folder(run.nodes["big"].artifact) / "period_um.npy")
+    assert toys.reasons("graph.cut.most=2")["big"] == "run: its stored result is damaged and was set aside"
+    again = toys.run("graph.cut.most=2")
+    assert {n.name: n.status for n in again.nodes.values()} == {
+        "raw": "cached",
+        "big": "ran",
+        "cut": "ran",
+        "means": "ran",
+    }
+    assert again["big"].period_um[0, 0] == 3
+
+
+def test_a_record_that_is_no_json_is_no_record(toys: Toys) -> None:
+    run = toys.run()
+    run.store.recipe_file(run.nodes["raw"].key).write_text("{")
+    assert toys.ran() == ["raw"]
+
+
+def test_nothing_temporary_is_left(toys: Toys) -> None:
+    run = toys.run()
+    assert list(run.store.root.rglob(".*")) == []

@@ -1,0 +1,167 @@
+"""A package of toy stages, written to a folder of the test's, so that a test can edit its code."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+import pipeline.config
+import pipeline.source
+from pipeline.bench import Experiment, Silent
+from pipeline.runs import Run
+
+HELPER = '''
+"""Arithmetic of the toys."""
+
+def scaled(array, factor):
+    """Scale."""
+    return array * factor  # how it is scaled
+'''
+
+STAGES = '''
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pipeline.data import Metrics, OrientationMap, PeriodMap
+from toybench.arithmetic import scaled
+
+
+def source(*, size: int = 4, value: float = 1.0, seed: int = 0, folder: Path | None = None) -> PeriodMap:
+    """Make a map.
+
+    Second paragraph.
+    """
+    logging.getLogger("pipeline.toy").warning("made of nothing")
+    return PeriodMap(np.full((size, size), value, np.float32), np.ones((size, size), bool))
+
+
+def scale(maps: PeriodMap, *, factor: float = 2.0, mode: Literal["up", "down"] = "up") -> PeriodMap:
+    """Scale a map."""
+    factor = factor if mode == "up" else 1 / factor
+    return PeriodMap(scaled(np.asarray(maps.period_um), np.float32(factor)), maps.mask)
+
+
+def clip(maps: PeriodMap, *, most: float = 100.0) -> PeriodMap:
+    """Clip a map."""
+    return PeriodMap(np.minimum(maps.period_um, np.float32(most)), maps.mask)
+
+
+def mean(maps: list[PeriodMap], truth: PeriodMap | None = None) -> Metrics:
+    """Take the mean of every map."""
+    found = {f"mean_{i}_um": float(np.mean(m.period_um)) for i, m in enumerate(maps)}
+    if truth is not None:
+        found["truth_um"] = float(np.mean(truth.period_um))
+    return Metrics(found)
+
+
+def compare(maps: PeriodMap, truth: PeriodMap) -> Metrics:
+    """Compare with the truth."""
+    return Metrics({"difference_um": float(np.mean(maps.period_um) - np.mean(truth.period_um))})
+
+
+def fails(maps: PeriodMap, *, message: str = "the toy broke") -> PeriodMap:
+    """Fail."""
+    raise RuntimeError(message)
+
+
+def turn(maps: PeriodMap) -> OrientationMap:
+    """Give another type."""
+    a = np.zeros((2, 2), np.float32)
+    return OrientationMap(a, a, a, a > 0)
+'''
+
+EXPERIMENT = """\
+# @package _global_
+# A toy.
+description: A toy.
+graph:
+  raw: {stage: toy.source, size: 3}
+  big:
+    stage: toy.scale
+    maps: raw
+    factor: 3
+  cut: {stage: toy.clip, maps: big}
+  means: {stage: toy.mean, maps: [raw, cut]}
+"""
+
+
+class Toys:
+    """The toy package and an empty folder for results."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.package = folder / "toybench"
+        self.configs = folder / "configs"
+        self.stages = self.package / "stages" / "toy" / "maps.py"
+        self.helper = self.package / "arithmetic.py"
+        self.experiment = self.configs / "experiment" / "toy.yaml"
+
+    def write(self) -> None:
+        for path in (self.package, self.package / "stages", self.package / "stages" / "toy"):
+            path.mkdir()
+            (path / "__init__.py").touch()
+        self.stages.write_text(STAGES)
+        self.helper.write_text(HELPER)
+        (self.configs / "experiment").mkdir(parents=True)
+        (self.configs / "executor").mkdir()
+        (self.configs / "rig").mkdir()
+        original = pipeline.config.configs_folder()
+        for name in ("config.yaml", "executor/threads.yaml", "executor/serial.yaml"):
+            (self.configs / name).write_text((original / name).read_text())
+        self.experiment.write_text(EXPERIMENT)
+
+    def graph(self, text: str) -> None:
+        """Replace the graph by a YAML text."""
+        self.experiment.write_text("# @package _global_\ngraph:\n" + _indented(dedent(text)))
+
+    def load(self, *overrides: str) -> Experiment:
+        for name in [n for n in sys.modules if n.split(".")[0] == "toybench"]:
+            del sys.modules[name]
+        words = ["+experiment=toy", f"paths.runs={self.folder / 'runs'}", *overrides]
+        return Experiment.load(words)
+
+    def run(self, *overrides: str) -> Run:
+        return self.load(*overrides).run(Silent())
+
+    def ran(self, *overrides: str) -> list[str]:
+        """Names of the nodes that had to be computed."""
+        return sorted(n.name for n in self.run(*overrides).nodes.values() if n.status == "ran")
+
+    def reasons(self, *overrides: str) -> dict[str, str]:
+        """What ``why`` says of every node."""
+        return {name: f"{s.state}: {s.reason}" for name, s in self.load(*overrides).plan().steps.items()}
+
+
+def _indented(text: str) -> str:
+    return "".join("  " + line + "\n" for line in text.strip().splitlines())
+
+
+@pytest.fixture
+def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toys:
+    made = Toys(tmp_path)
+    made.write()
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def declared(group: str) -> list[str]:
+        return ["toybench.stages"] if group == "pipeline.stages" else []
+
+    monkeypatch.setattr("pipeline.source.declared", declared)
+    monkeypatch.setattr("pipeline.catalog.declared", declared)
+    monkeypatch.setattr("pipeline.config.configs_folder", lambda: made.configs)
+    monkeypatch.setattr("pipeline.report.write", _page, raising=False)
+    monkeypatch.setattr("pipeline.report.write_outputs", lambda run: [], raising=False)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    return made
+
+
+def _page(run: Run) -> Path:
+    run.report.write_text("a page")
+    return run.report
