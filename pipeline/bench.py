@@ -15,7 +15,7 @@ from typing import Any
 from pipeline.catalog import Catalog
 from pipeline.config import Configuration, compose
 from pipeline.errors import PipelineError
-from pipeline.execute import Listener, Outcome, check_devices, execute, scheduler
+from pipeline.execute import Listener, Outcome, check_before_running, execute, scheduler
 from pipeline.files import FileDigests
 from pipeline.graph import DeviceRecipe, Graph, Node, build_graph
 from pipeline.keys import digest
@@ -139,7 +139,7 @@ class Experiment:
             return known
         if plan.to_run:
             self.store.check_writable()
-            check_devices(plan)
+            check_before_running(plan)
         provenance = {"commit": commit(), "versions": versions()}
         outcomes = execute(plan, self.store, listener, run_graph=run_graph, provenance=provenance)
         run = self._run(outcomes, provenance, time.perf_counter() - start)

@@ -95,30 +95,46 @@ def scheduler(settings: Mapping[str, Any]) -> Scheduler:
     raise InputError(f"there is no executor of kind '{kind}'", where="executor.kind", expected="threads or serial")
 
 
-def check_devices(plan: Plan) -> None:
-    """Let the devices of stages that may run find what would make them fail, before anything runs.
+def check_before_running(plan: Plan) -> None:
+    """Let stages that may run, and their devices, find what would make them fail, before anything runs.
+
+    A device may have a method ``check()``; a stage ``name`` may have a function ``_check_name`` beside it that takes
+    its settings.
 
     Raises
     ------
     InputErrors
-        All that the devices found.
+        All that was found.
     """
     problems: list[InputError] = []
     for step in plan.to_run.values():
-        for name, value in step.task.node.settings.items():
-            if not isinstance(value, DeviceRecipe):
-                continue
-            place = f"{step.task.node.path}.{name}"
-            try:
-                device = build_device(value)
+        node = step.task.node
+        try:
+            devices = {name: build_device(v) for name, v in node.settings.items() if isinstance(v, DeviceRecipe)}
+            for name, device in devices.items():
                 if hasattr(device, "check"):
-                    device.check()
-            except InputError as error:
-                problems.append(error.at(place))
-            except InputErrors as several:
-                problems += [error.at(place) for error in several.errors]
+                    _collect(device.check, f"{node.path}.{name}", problems)
+            check = _companion(node, "_check_")
+            if check is not None and not problems:
+                _collect(lambda c=check, n=node, d=devices: c(**{**n.settings, **d}), node.path, problems)
+        except InputError as error:
+            problems.append(error.at(node.path))
     if problems:
         raise InputErrors(problems)
+
+
+def _companion(node: Node, prefix: str) -> Callable[..., None] | None:
+    module = importlib.import_module(node.entry.module)
+    return getattr(module, prefix + node.entry.signature.name, None)
+
+
+def _collect(check: Callable[[], None], place: str, problems: list[InputError]) -> None:
+    try:
+        check()
+    except InputError as error:
+        problems.append(error.at(place))
+    except InputErrors as several:
+        problems += [error.at(place) for error in several.errors]
 
 
 def execute(

@@ -1,0 +1,72 @@
+"""Jones calculus of a grating under a birefringent film, seen through a linear polariser.
+
+Fields are column vectors of complex amplitudes along x and y; angles are anticlockwise from +x. Toisoul, Dhillon and
+Ghosh 2018, "Acquiring spatially varying appearance of printed holographic surfaces", section 5.2, equations 4 to 9.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+CIRCULAR = np.array([1.0, -1.0j])
+"""The circularly polarised light of the panel, ``e_i`` of equation 4."""
+
+
+def rotation(angle_rad: ArrayLike) -> NDArray[np.float64]:
+    """Matrix that takes components along x and y to components along axes turned by ``angle_rad``; shape (..., 2, 2)."""
+    angle = np.asarray(angle_rad, dtype=np.float64)
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([np.stack([c, s], axis=-1), np.stack([-s, c], axis=-1)], axis=-2)
+
+
+def retarder(retardation_rad: ArrayLike, axis_rad: ArrayLike = 0.0) -> NDArray[np.complex128]:
+    """One pass through a film that retards the field across its axis; shape (..., 2, 2)."""
+    retardation, axis = np.broadcast_arrays(np.asarray(retardation_rad, float), np.asarray(axis_rad, float))
+    own = np.zeros((*retardation.shape, 2, 2), dtype=np.complex128)
+    own[..., 0, 0] = 1.0
+    own[..., 1, 1] = np.exp(1j * retardation)
+    turn = rotation(axis)
+    return np.swapaxes(turn, -1, -2) @ own @ turn
+
+
+def grating(orientation_rad: ArrayLike, amplitude_ratio: float, phase_rad: float) -> NDArray[np.complex128]:
+    """Zeroth order of a grating whose tangent has the given orientation; shape (..., 2, 2).
+
+    Along the tangent the field is reflected with -1, across it with ``R = r exp(i zeta)``.
+    """
+    turn = rotation(orientation_rad)
+    own = np.diag([-1.0, amplitude_ratio * np.exp(1j * phase_rad)])
+    return np.swapaxes(turn, -1, -2) @ own @ turn
+
+
+def polarizer_response(
+    polarizer_rad: ArrayLike,
+    orientation_rad: ArrayLike,
+    *,
+    amplitude_ratio: float,
+    phase_rad: float,
+    retardation_rad: float = 0.0,
+    film_axis_rad: float = 0.0,
+) -> NDArray[np.float64]:
+    """Intensity behind the polariser, ``I = |S e_i|^2`` of equations 6 and 7.
+
+    Parameters
+    ----------
+    polarizer_rad, orientation_rad : array_like
+        Angles of the polariser and of the grating's tangent; broadcast against each other.
+    amplitude_ratio, phase_rad : float
+        ``R = r exp(i zeta)``, s to p amplitude in the zeroth order.
+    retardation_rad, film_axis_rad : float
+        Retardation of one pass through the film, and the direction of its axis.
+
+    Returns
+    -------
+    ndarray
+        Of the broadcast shape; 1 is the intensity of a grating with R = 1 without a film.
+    """
+    film = retarder(retardation_rad, film_axis_rad)
+    reflected = film @ grating(orientation_rad, amplitude_ratio, phase_rad) @ film @ CIRCULAR
+    polarizer = np.asarray(polarizer_rad, dtype=np.float64)
+    amplitude = np.cos(polarizer) * reflected[..., 0] + np.sin(polarizer) * reflected[..., 1]
+    return np.abs(amplitude) ** 2

@@ -1,0 +1,103 @@
+"""Photographs of one sample through a polariser that turns from photo to photo."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data import GratingSample, PolarizerSequence
+from pipeline.devices.protocols import PolarizationRig
+from pipeline.errors import InputError
+from pipeline.progress import advance
+
+LEAST_ANGLES = 3
+SATURATION_WARNING = 0.001
+
+log = logging.getLogger(__name__)
+
+
+def polarizer_sequence(
+    sample: GratingSample | None = None, *, rig: PolarizationRig, count: int = 12, span_deg: float = 180.0
+) -> PolarizerSequence:
+    """Photograph a sample at equal steps of the polariser.
+
+    Parameters
+    ----------
+    sample : GratingSample, optional
+        Virtual sample to put before a simulated rig; a real rig photographs what lies there, a replay what lay there.
+    rig : PolarizationRig
+        Camera, polariser mount and light.
+    count : int
+        Photographs; a mount with fixed stops, such as a replay, takes each of its stops instead.
+    span_deg : float
+        Angle that the steps divide, its end excluded; 180 degrees bring the polariser back to where it was.
+
+    Returns
+    -------
+    PolarizerSequence
+        Images of shape (count, M, N), full scale 1; ``valid`` leaves out what is saturated or no number in any photo.
+
+    Raises
+    ------
+    InputError
+        Fewer than three distinct angles: brightness, modulation and phase are three unknowns.
+    DeviceError
+        A device failed; motion is stopped and the light is off.
+
+    Notes
+    -----
+    Toisoul, Dhillon and Ghosh 2018, section 5.1 and 5.3: 12 or 13 photographs over 180 degrees, at least four.
+    """
+    angles = _stops(rig, count, span_deg)
+    images, reached, exposures, saturated, metadata = [], [], [], [], {}
+    rig.place(sample)
+    with rig:
+        rig.light.switch(True)
+        try:
+            for done, angle in enumerate(angles):
+                reached.append(rig.mount.move_to(float(angle)))
+                photo = rig.camera.expose()
+                images.append(photo.image)
+                saturated.append(photo.saturated)
+                exposures.append(photo.exposure_s)
+                metadata = dict(photo.metadata)
+                advance(done + 1, len(angles))
+        finally:
+            rig.light.switch(False)
+    stack = np.stack(images).astype(np.float32, copy=False)
+    burnt = np.logical_or.reduce(saturated)
+    if burnt.mean() > SATURATION_WARNING:
+        log.warning("%.2f percent of the pixels are saturated in some photo and left out", 100 * burnt.mean())
+    valid = ~burnt & np.isfinite(stack).all(axis=0)
+    mask = getattr(rig, "mask", None)
+    if mask is not None:
+        valid &= mask
+    return PolarizerSequence(
+        images=stack,
+        polarizer_rad=np.asarray(reached, dtype=np.float64),
+        valid=valid,
+        pixel_mm=rig.pixel_mm,
+        wavelength_nm=rig.wavelength_nm,
+        exposure_s=tuple(e for e in exposures if e is not None) if None not in exposures else None,
+        metadata=metadata,
+    )
+
+
+def _check_polarizer_sequence(*, rig: PolarizationRig, count: int, span_deg: float) -> None:
+    """Refuse what could not be fitted, before anything runs."""
+    _stops(rig, count, span_deg)
+
+
+def _stops(rig: PolarizationRig, count: int, span_deg: float) -> NDArray[np.float64]:
+    """Angles to go to."""
+    fixed = rig.mount.stops_rad
+    stops = np.deg2rad(span_deg) * np.arange(count) / max(count, 1) if fixed is None else np.asarray(fixed, np.float64)
+    distinct = len(np.unique(np.round(np.exp(2j * stops), 9)))
+    if distinct < LEAST_ANGLES:
+        raise InputError(
+            f"{len(stops)} photographs at {distinct} distinct angles of the polariser",
+            expected=f"at least {LEAST_ANGLES} angles that differ modulo 180 degrees",
+        )
+    return stops
