@@ -14,7 +14,7 @@ CIRCULAR = np.array([1.0, -1.0j])
 
 
 def rotation(angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Matrix that takes components along x and y to components along axes turned by ``angle_rad``; shape (..., 2, 2)."""
+    """Matrix from components along x and y to components along axes turned by ``angle_rad``; shape (..., 2, 2)."""
     angle = np.asarray(angle_rad, dtype=np.float64)
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([np.stack([c, s], axis=-1), np.stack([-s, c], axis=-1)], axis=-2)

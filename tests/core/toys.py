@@ -78,6 +78,65 @@ def turn(maps: PeriodMap) -> OrientationMap:
     return OrientationMap(a, a, a, a > 0)
 '''
 
+DEVICES = '''
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.data import Photo
+from pipeline.devices.protocols import Light
+from pipeline.errors import InputError
+
+
+class Lamp:
+    """A lamp."""
+
+    def __init__(self, *, watts: float = 60.0) -> None:
+        self.watts = watts
+
+    def switch(self, on: bool) -> None:
+        """Switch."""
+
+
+class Webcam:
+    """A camera in a laboratory."""
+
+    physical = True
+    taken = 0
+
+    def __init__(self, *, light: Light, exposure_s: float = 0.1) -> None:
+        if exposure_s <= 0:
+            raise ValueError(f"exposure_s is {exposure_s}")
+        self.light, self.exposure_s = light, exposure_s
+
+    def check(self) -> None:
+        if self.exposure_s > 10:
+            raise InputError("the exposure is too long", expected="at most 10 s")
+
+    def expose(self) -> Photo:
+        Webcam.taken += 1
+        return Photo(np.full((2, 2), Webcam.taken, np.float32), np.zeros((2, 2), bool), self.exposure_s)
+'''
+
+CAPTURE = '''
+from __future__ import annotations
+
+from pipeline.data import PeriodMap
+from pipeline.devices.protocols import Camera
+from pipeline.errors import InputError
+
+
+def photo(*, camera: Camera, times: int = 1) -> PeriodMap:
+    """Take a photo."""
+    taken = camera.expose()
+    return PeriodMap(taken.image * times, ~taken.saturated)
+
+
+def _check_photo(*, camera: Camera, times: int) -> None:
+    if times < 1:
+        raise InputError("no photo is asked for", expected="times from 1")
+'''
+
 EXPERIMENT = """\
 # @package _global_
 # A toy.
@@ -101,15 +160,18 @@ class Toys:
         self.package = folder / "toybench"
         self.configs = folder / "configs"
         self.stages = self.package / "stages" / "toy" / "maps.py"
+        self.devices = self.package / "devices" / "lab.py"
         self.helper = self.package / "arithmetic.py"
         self.experiment = self.configs / "experiment" / "toy.yaml"
 
     def write(self) -> None:
-        for path in (self.package, self.package / "stages", self.package / "stages" / "toy"):
+        for path in (self.package, self.package / "devices", self.package / "stages", self.package / "stages" / "toy"):
             path.mkdir()
             (path / "__init__.py").touch()
         self.stages.write_text(STAGES)
         self.helper.write_text(HELPER)
+        self.devices.write_text(DEVICES)
+        self.stages.with_name("capture.py").write_text(CAPTURE)
         (self.configs / "experiment").mkdir(parents=True)
         (self.configs / "executor").mkdir()
         (self.configs / "rig").mkdir()
@@ -151,7 +213,7 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toys:
     monkeypatch.syspath_prepend(str(tmp_path))
 
     def declared(group: str) -> list[str]:
-        return ["toybench.stages"] if group == "pipeline.stages" else []
+        return [group.replace("pipeline", "toybench")]
 
     monkeypatch.setattr("pipeline.source.declared", declared)
     monkeypatch.setattr("pipeline.catalog.declared", declared)
