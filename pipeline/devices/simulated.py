@@ -1,0 +1,248 @@
+"""A virtual polarisation bench: panel, sample, turning polariser and camera, rendered by the optics of the forward model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data import GratingSample, Photo
+from pipeline.devices import protocols
+from pipeline.errors import InputError
+from pipeline.optics.imaging import area_average, seen_by_lens, sensor_signal
+from pipeline.optics.jones import polarizer_response
+
+View = Callable[[], NDArray[np.float32]]
+
+
+class Panel:
+    """A panel of circularly polarised light that fills the sample evenly.
+
+    Parameters
+    ----------
+    radiance : float
+        Relative to the panel for which the camera's exposure is stated.
+    """
+
+    def __init__(self, *, radiance: float = 1.0) -> None:
+        self.radiance = radiance
+        self._on = False
+
+    def switch(self, on: bool) -> None:
+        """Turn the panel on or off."""
+        self._on = on
+
+    @property
+    def present_radiance(self) -> float:
+        """Radiance now: none while the panel is off."""
+        return self.radiance if self._on else 0.0
+
+
+class Camera:
+    """A monochrome camera on a stand that a hand on the polariser moves a little.
+
+    Parameters
+    ----------
+    pixel_mm : float
+        Pixel pitch on the sample; an odd multiple of the sample's own.
+    full_well_electrons : float
+        Electrons at full scale.
+    electrons : float
+        Electrons that the longest period's grating gives through an open polariser.
+    read_noise_electrons : float
+        Standard deviation of the read noise.
+    shot_noise : bool
+        Whether photons are counted.
+    bits : int or None
+        Depth of the converter; None for no quantisation.
+    blur_mm : float
+        Standard deviation of the lens' point spread function on the sample.
+    shift_px : float
+        Standard deviation, per axis, of the displacement of each photo after the first.
+    exposure_s : float
+        Stated exposure time.
+    seed : int
+        Of all noise.
+    """
+
+    def __init__(
+        self,
+        *,
+        pixel_mm: float = 0.02,
+        full_well_electrons: float = 25000.0,
+        electrons: float = 10000.0,
+        read_noise_electrons: float = 5.0,
+        shot_noise: bool = True,
+        bits: int | None = 14,
+        blur_mm: float = 0.012,
+        shift_px: float = 0.5,
+        exposure_s: float = 0.25,
+        seed: int = 0,
+    ) -> None:
+        self.pixel_mm = pixel_mm
+        self.full_well_electrons = full_well_electrons
+        self.electrons = electrons
+        self.read_noise_electrons = read_noise_electrons
+        self.shot_noise = shot_noise
+        self.bits = bits
+        self.blur_mm = blur_mm
+        self.shift_px = shift_px
+        self.exposure_s = exposure_s
+        self.seed = seed
+        self.shifts_px: list[tuple[float, float]] = []
+        self._view: View | None = None
+        self._scene_pixel_mm = pixel_mm
+
+    def look_at(self, view: View, scene_pixel_mm: float) -> None:
+        """Stand before a scene, sampled at ``scene_pixel_mm``; ``view()`` is its radiance when asked.
+
+        Raises
+        ------
+        InputError
+            The camera's pitch is no odd multiple of the scene's, so that pixel centres would not meet.
+        """
+        ratio = self.pixel_mm / scene_pixel_mm
+        if abs(ratio - round(ratio)) > 1e-6 or round(ratio) % 2 == 0:
+            raise InputError(
+                f"the camera's pixel_mm is {ratio:.4g} times the sample's",
+                expected="an odd whole multiple, such as 3",
+            )
+        self._view, self._scene_pixel_mm = view, scene_pixel_mm
+        self.shifts_px = []
+
+    def expose(self) -> Photo:
+        """Photograph the scene as it is now.
+
+        Raises
+        ------
+        InputError
+            Nothing stands before the camera.
+        """
+        if self._view is None:
+            raise InputError("nothing stands before the simulated camera", expected="rig.place(sample) first")
+        index = len(self.shifts_px)
+        rng = np.random.default_rng([self.seed, index])
+        by_hand = rng.normal(0.0, self.shift_px, 2) if index and self.shift_px > 0 else np.zeros(2)
+        self.shifts_px.append((float(by_hand[0]), float(by_hand[1])))
+        ratio = round(self.pixel_mm / self._scene_pixel_mm)
+        scene = seen_by_lens(
+            self._view(),
+            blur_px=self.blur_mm / self._scene_pixel_mm,
+            shift_px=(float(by_hand[0]) * ratio, float(by_hand[1]) * ratio),
+        )
+        image, saturated = sensor_signal(
+            area_average(scene, ratio) * np.float32(self.electrons / self.full_well_electrons),
+            full_well_electrons=self.full_well_electrons,
+            read_noise_electrons=self.read_noise_electrons,
+            shot_noise=self.shot_noise,
+            bits=self.bits,
+            rng=rng,
+        )
+        return Photo(image, saturated, self.exposure_s, {"model": "simulated camera"})
+
+
+class PolarizationBench:
+    """A simulated camera behind a polariser that a simulated drive turns, above a lit sample.
+
+    Parameters
+    ----------
+    camera : simulated.Camera
+        The camera.
+    mount : RotationMount
+        The polariser's mount; one with ``shaft_rad`` says where its shaft really stands.
+    light : simulated.Panel
+        The panel.
+    wavelength_nm : float
+        Centre of the spectral filter.
+    """
+
+    def __init__(
+        self,
+        *,
+        camera: protocols.Camera,
+        mount: protocols.RotationMount,
+        light: protocols.Light,
+        wavelength_nm: float = 530.0,
+    ) -> None:
+        if not isinstance(camera, Camera) or not isinstance(light, Panel):
+            raise InputError(
+                "the simulated bench needs a simulated camera and panel",
+                expected="camera: {device: simulated.Camera}, light: {device: simulated.Panel}",
+            )
+        self.camera = camera
+        self.mount = mount
+        self.light = light
+        self.wavelength_nm = wavelength_nm
+        self._stack = ExitStack()
+        self._angle_rad = 0.0
+
+    @property
+    def pixel_mm(self) -> float:
+        """Pixel pitch on the sample."""
+        return self.camera.pixel_mm
+
+    def place(self, sample: GratingSample | None) -> None:
+        """Lay a virtual sample under the panel.
+
+        Raises
+        ------
+        InputError
+            No sample is given, or its pitch does not fit the camera's.
+        """
+        if sample is None:
+            raise InputError("the simulated bench has no sample", expected="sample: a node such as simulate.logo")
+        scene = _Scene(sample)
+        mount = self.mount
+
+        def view() -> NDArray[np.float32]:
+            return scene.through_polarizer(float(mount.shaft_rad)) * np.float32(self.light.present_radiance)
+
+        if not hasattr(mount, "shaft_rad"):
+            raise InputError("the simulated bench needs a mount whose shaft it can see", expected="a simulated mount")
+        self.camera.look_at(view, sample.pixel_mm)
+
+    def check(self) -> None:
+        """Find nothing: settings were checked when the bench was built."""
+
+    def __enter__(self) -> Self:
+        for device in (self.camera, self.mount, self.light):
+            if hasattr(device, "__enter__"):
+                self._stack.enter_context(device)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+
+class _Scene:
+    """A sample under the panel, as seen through a polariser: few orientations, so few different responses."""
+
+    def __init__(self, sample: GratingSample) -> None:
+        self.sample = sample
+        diffracts = sample.diffracts
+        longest = float(np.nanmax(sample.period_um))
+        self._ground = np.float32(sample.ground_reflectance)
+        orientations = np.where(diffracts, sample.orientation_rad, 0.0)
+        self._orientations, self._index = np.unique(orientations, return_inverse=True)
+        # The zeroth order falls as 1 / K^2 when the period falls as 1 / K (section 5.4 of the paper).
+        self._efficiency = np.where(diffracts, (sample.period_um / longest) ** 2, 0.0).astype(np.float32)
+        self._unpolarised = np.where(diffracts, 0.0, self._ground).astype(np.float32)
+
+    def through_polarizer(self, polarizer_rad: float) -> NDArray[np.float32]:
+        """Radiance of every point of the sample; 1 is the longest period's through an open polariser."""
+        response = polarizer_response(
+            polarizer_rad,
+            self._orientations,
+            amplitude_ratio=self.sample.amplitude_ratio,
+            phase_rad=self.sample.phase_rad,
+            retardation_rad=self.sample.retardation_rad,
+            film_axis_rad=self.sample.film_axis_rad,
+        ).astype(np.float32)
+        modulated = response[self._index].reshape(self._efficiency.shape) * self._efficiency
+        return modulated + self._unpolarised

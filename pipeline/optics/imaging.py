@@ -1,0 +1,77 @@
+"""What a lens and a sensor do to an image."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+Image = NDArray[np.float32]
+
+
+def seen_by_lens(scene: Image, *, blur_px: float, shift_px: tuple[float, float] = (0.0, 0.0)) -> Image:
+    """Blur a finely sampled scene by a Gaussian lens, and displace it by a fraction of its pixels.
+
+    Parameters
+    ----------
+    scene : ndarray of shape (M, N)
+        Radiance on a grid much finer than the blur.
+    blur_px : float
+        Standard deviation of the point spread function in pixels of the scene.
+    shift_px : tuple of float
+        Displacement down and to the right, in pixels of the scene.
+    """
+    blurred = ndimage.gaussian_filter(scene, blur_px, mode="nearest") if blur_px > 0 else scene
+    if shift_px == (0.0, 0.0):
+        return blurred
+    return ndimage.shift(blurred, shift_px, order=1, mode="nearest", prefilter=False)
+
+
+def area_average(fine: Image, ratio: int) -> Image:
+    """Collect the light of ``ratio`` x ``ratio`` fine pixels in one; leftover rows and columns are dropped."""
+    rows, columns = fine.shape[0] // ratio, fine.shape[1] // ratio
+    trimmed = fine[: rows * ratio, : columns * ratio]
+    return trimmed.reshape(rows, ratio, columns, ratio).mean(axis=(1, 3), dtype=np.float32)
+
+
+def sensor_signal(
+    exposure: Image,
+    *,
+    full_well_electrons: float,
+    read_noise_electrons: float,
+    shot_noise: bool,
+    bits: int | None,
+    rng: np.random.Generator,
+) -> tuple[Image, NDArray[np.bool_]]:
+    """Photons to numbers: shot noise, read noise, saturation and quantisation.
+
+    Parameters
+    ----------
+    exposure : ndarray
+        Light on the sensor; 1 fills the well.
+    full_well_electrons, read_noise_electrons : float
+        Size of the well, and standard deviation of the read noise.
+    shot_noise : bool
+        Whether electrons are counted.
+    bits : int or None
+        Depth of the converter, or None for none.
+    rng : numpy.random.Generator
+        Source of the noise.
+
+    Returns
+    -------
+    signal : ndarray, float32
+        In [0, 1], 1 where the converter ends.
+    saturated : ndarray, bool
+        Where it ended.
+    """
+    electrons = np.maximum(exposure, 0) * full_well_electrons
+    if shot_noise:
+        electrons = rng.poisson(electrons)
+    if read_noise_electrons > 0:
+        electrons = electrons + rng.normal(0.0, read_noise_electrons, exposure.shape)
+    signal = np.clip(electrons / full_well_electrons, 0.0, 1.0)
+    if bits is not None:
+        steps = 2**bits - 1
+        signal = np.round(signal * steps) / steps
+    return signal.astype(np.float32), signal >= 1.0
