@@ -1,4 +1,4 @@
-"""A virtual polarisation bench: panel, sample, turning polariser and camera, rendered by the optics of the forward model."""
+"""A virtual polarisation bench: panel, sample, turning polariser and camera, rendered by the forward model."""
 
 from __future__ import annotations
 

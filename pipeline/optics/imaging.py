@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 Image = NDArray[np.float32]
 
@@ -14,24 +14,29 @@ def seen_by_lens(scene: Image, *, blur_px: float, shift_px: tuple[float, float] 
 
     Parameters
     ----------
-    scene : ndarray of shape (M, N)
-        Radiance on a grid much finer than the blur.
+    scene : ndarray of shape (M, N) or (M, N, 3)
+        Radiance on a grid finer than the blur.
     blur_px : float
         Standard deviation of the point spread function in pixels of the scene.
     shift_px : tuple of float
         Displacement down and to the right, in pixels of the scene.
     """
-    blurred = ndimage.gaussian_filter(scene, blur_px, mode="nearest") if blur_px > 0 else scene
-    if shift_px == (0.0, 0.0):
-        return blurred
-    return ndimage.shift(blurred, shift_px, order=1, mode="nearest", prefilter=False)
+    down, right = (_displaced_gaussian(blur_px, shift) for shift in shift_px)
+    return cv2.sepFilter2D(np.ascontiguousarray(scene), cv2.CV_32F, right, down, borderType=cv2.BORDER_REPLICATE)
+
+
+def _displaced_gaussian(sigma_px: float, shift_px: float) -> NDArray[np.float32]:
+    """Taps of a Gaussian centred ``shift_px`` away; of linear interpolation where there is no blur."""
+    radius = int(np.ceil(4 * sigma_px + abs(shift_px))) + 1
+    distance = radius - np.arange(2 * radius + 1) - shift_px
+    taps = np.exp(-0.5 * (distance / sigma_px) ** 2) if sigma_px > 0 else np.maximum(0.0, 1 - np.abs(distance))
+    return (taps / taps.sum()).astype(np.float32)
 
 
 def area_average(fine: Image, ratio: int) -> Image:
     """Collect the light of ``ratio`` x ``ratio`` fine pixels in one; leftover rows and columns are dropped."""
     rows, columns = fine.shape[0] // ratio, fine.shape[1] // ratio
-    trimmed = fine[: rows * ratio, : columns * ratio]
-    return trimmed.reshape(rows, ratio, columns, ratio).mean(axis=(1, 3), dtype=np.float32)
+    return cv2.resize(fine[: rows * ratio, : columns * ratio], (columns, rows), interpolation=cv2.INTER_AREA)
 
 
 def sensor_signal(

@@ -1,0 +1,72 @@
+"""From spectra to linear sRGB, with the CIE's data from colour-science."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+Spectrum = Literal["D65", "A", "inverse A", "E"]
+
+FIRST_NM, LAST_NM = 380.0, 780.0
+
+
+@lru_cache(maxsize=8)
+def white_balanced_weights(light: Spectrum, step_nm: float) -> tuple[Float64Array, Float64Array]:
+    """Wavelengths, and what each contributes to linear sRGB.
+
+    Parameters
+    ----------
+    light : {"D65", "A", "inverse A", "E"}
+        Spectrum of the light; "inverse A" is the reciprocal of CIE illuminant A, as the paper takes for a phone's flash.
+    step_nm : float
+        Distance of the wavelengths between 380 and 780 nm.
+
+    Returns
+    -------
+    wavelength_nm : ndarray of shape (W,)
+        Wavelengths.
+    weights : ndarray of shape (W, 3)
+        Such that ``reflectance @ weights`` is the colour, and a white reflector gives (1, 1, 1).
+    """
+    wavelength = np.arange(FIRST_NM, LAST_NM + step_nm / 2, step_nm)
+    xyz = _colour_matching(wavelength) * _power(light, wavelength)[:, None]
+    weights = xyz @ _xyz_to_srgb().T
+    weights = weights / weights.sum(axis=0)
+    weights.setflags(write=False)
+    wavelength.setflags(write=False)
+    return wavelength, weights
+
+
+def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Encode linear sRGB for a display (IEC 61966-2-1); what a display cannot show is clipped."""
+    clipped = np.clip(linear, 0.0, 1.0).astype(np.float32)
+    return np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
+def _colour_matching(wavelength_nm: Float64Array) -> Float64Array:
+    import colour
+
+    functions = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    return np.stack(
+        [np.interp(wavelength_nm, functions.wavelengths, functions.values[:, i]) for i in range(3)], axis=-1
+    )
+
+
+def _power(light: Spectrum, wavelength_nm: Float64Array) -> Float64Array:
+    import colour
+
+    if light == "E":
+        return np.ones_like(wavelength_nm)
+    spectrum = colour.SDS_ILLUMINANTS["A" if light == "inverse A" else light]
+    power = np.interp(wavelength_nm, spectrum.wavelengths, spectrum.values)
+    return 1 / power if light == "inverse A" else power
+
+
+def _xyz_to_srgb() -> Float64Array:
+    import colour
+
+    return np.asarray(colour.models.RGB_COLOURSPACE_sRGB.matrix_XYZ_to_RGB, dtype=np.float64)

@@ -1,0 +1,105 @@
+"""The sample photographed under a torch, on a virtual bench."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.data import GratingSample, PictureSeries
+from pipeline.devices.virtual_light import render_sheet, white_level
+from pipeline.errors import InputError
+from pipeline.optics.colour import Spectrum
+from pipeline.optics.imaging import area_average, seen_by_lens, sensor_signal
+
+
+def point_light(
+    sample: GratingSample,
+    *,
+    lights_mm: list[list[float]],
+    camera_mm: list[float] = [0.0, 0.0, 500.0],  # noqa: B006 - read from the syntax tree, never modified
+    pixel_mm: float = 0.02,
+    light_sigma_mm: float = 12.0,
+    illuminant: Spectrum = "D65",
+    coherence_um: float = 65.0,
+    wavelength_step_nm: float = 5.0,
+    blur_mm: float = 0.012,
+    full_well_electrons: float = 25000.0,
+    read_noise_electrons: float = 5.0,
+    bits: int = 14,
+    seed: int = 0,
+) -> PictureSeries:
+    """Photograph a virtual sample in colour under a light that is carried around it.
+
+    The true sample is rendered on its own fine grid, blurred by the lens, collected by the camera's pixels, and passed
+    through noise, saturation and quantisation.
+
+    Parameters
+    ----------
+    sample : GratingSample
+        The sample.
+    lights_mm : list of [x, y, z]
+        Positions of the light: x right, y up, z towards the camera, origin at the centre of the sample.
+    camera_mm : [x, y, z]
+        Position of the camera.
+    pixel_mm : float
+        Pixel pitch on the sample; an odd multiple of the sample's own.
+    light_sigma_mm : float
+        Standard deviation of the light's Gaussian extent.
+    illuminant : {"D65", "A", "inverse A", "E"}
+        Spectrum of the light; the camera's white balance makes white paper white.
+    coherence_um : float
+        Width 4 sigma_s of the coherence window.
+    wavelength_step_nm : float
+        Step of the spectral sum.
+    blur_mm : float
+        Standard deviation of the lens' point spread function on the sample.
+    full_well_electrons, read_noise_electrons, bits : float, float, int
+        Sensor.
+    seed : int
+        Of the noise.
+
+    Returns
+    -------
+    PictureSeries
+        Linear sRGB of shape (lights, M, N, 3); the exposure, the same for all, brings the brightest facets to full scale.
+
+    Raises
+    ------
+    InputError
+        The camera's pitch is no odd multiple of the sample's.
+    """
+    ratio = round(pixel_mm / sample.pixel_mm)
+    if abs(pixel_mm / sample.pixel_mm - ratio) > 1e-6 or ratio % 2 == 0:
+        raise InputError(
+            f"the camera's pixel_mm is {pixel_mm / sample.pixel_mm:.4g} times the sample's",
+            expected="an odd whole multiple, such as 3",
+        )
+    lights = np.asarray(lights_mm, dtype=np.float64)
+    camera = np.asarray(camera_mm, dtype=np.float64)
+    pictures = []
+    for light in lights:
+        scene = render_sheet(
+            sample.orientation_rad,
+            sample.period_um,
+            pixel_mm=sample.pixel_mm,
+            lights_mm=light[None],
+            camera_mm=camera,
+            light_sigma_mm=light_sigma_mm,
+            illuminant=illuminant,
+            depth_um=sample.depth_um,
+            coherence_um=coherence_um,
+            wavelength_step_nm=wavelength_step_nm,
+        )[0]
+        blur = blur_mm / sample.pixel_mm
+        pictures.append(area_average(seen_by_lens(scene, blur_px=blur), ratio))
+    rgb = np.stack(pictures)
+    rgb /= white_level(rgb, 99.5)
+    rng = np.random.default_rng(seed)
+    signal, _ = sensor_signal(
+        rgb,
+        full_well_electrons=full_well_electrons,
+        read_noise_electrons=read_noise_electrons,
+        shot_noise=True,
+        bits=bits,
+        rng=rng,
+    )
+    return PictureSeries(signal, lights, camera, pixel_mm, "Photographed: the simulated sample under the same light")

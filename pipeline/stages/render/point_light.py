@@ -1,0 +1,89 @@
+"""A holographic sheet under a small light, from its maps of orientation and period."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.data import OrientationMap, PeriodMap, PictureSeries
+from pipeline.errors import InputError
+from pipeline.optics.colour import Spectrum
+from pipeline.devices.virtual_light import render_sheet, white_level
+
+
+def point_light(
+    orientation: OrientationMap,
+    period: PeriodMap,
+    *,
+    lights_mm: list[list[float]],
+    camera_mm: list[float] = [0.0, 0.0, 500.0],  # noqa: B006 - read from the syntax tree, never modified
+    light_sigma_mm: float = 12.0,
+    illuminant: Spectrum = "D65",
+    depth_um: float = 0.12,
+    coherence_um: float = 65.0,
+    wavelength_step_nm: float = 5.0,
+    white_percentile: float = 99.5,
+) -> PictureSeries:
+    """Render a sheet under a light that is carried around it.
+
+    Each pixel's light is summed over wavelengths and over all diffraction orders that can reach the camera, each order
+    as wide as the coherence window and the light's extent make it.
+
+    Parameters
+    ----------
+    orientation, period : OrientationMap, PeriodMap
+        Maps of the same shape (M, N) with a known pixel pitch.
+    lights_mm : list of [x, y, z]
+        Positions of the light: x right, y up, z towards the camera, origin at the centre of the sheet.
+    camera_mm : [x, y, z]
+        Position of the camera.
+    light_sigma_mm : float
+        Standard deviation of the light's Gaussian extent.
+    illuminant : {"D65", "A", "inverse A", "E"}
+        Spectrum of the light; colours are balanced so that white paper under it is white.
+    depth_um : float
+        Peak-to-valley depth of the gratings.
+    coherence_um : float
+        Width 4 sigma_s of the coherence window; 65 um for sunlight.
+    wavelength_step_nm : float
+        Step of the spectral sum.
+    white_percentile : float
+        The brightest channel of the lit pixels of all pictures at this percentile becomes 1.
+
+    Returns
+    -------
+    PictureSeries
+        Linear sRGB of shape (lights, M, N, 3).
+
+    Raises
+    ------
+    InputError
+        The maps differ in shape, or their pixel pitch is not known.
+
+    Notes
+    -----
+    Toisoul, Dhillon and Ghosh 2018, equation 2 and section 6.1; order efficiencies by Bessel functions.
+    """
+    if orientation.orientation_rad.shape != period.period_um.shape:
+        raise InputError("the maps of orientation and period differ in shape")
+    pixel_mm = orientation.pixel_mm or period.pixel_mm
+    if pixel_mm is None:
+        raise InputError("the maps' pixel pitch is not known", expected="pixel_mm in capture.yaml, or rig.pixel_mm")
+    rgb = render_sheet(
+        orientation.orientation_rad,
+        period.period_um,
+        pixel_mm=pixel_mm,
+        lights_mm=np.asarray(lights_mm, dtype=np.float64),
+        camera_mm=np.asarray(camera_mm, dtype=np.float64),
+        light_sigma_mm=light_sigma_mm,
+        illuminant=illuminant,
+        depth_um=depth_um,
+        coherence_um=coherence_um,
+        wavelength_step_nm=wavelength_step_nm,
+    )
+    return PictureSeries(
+        rgb=rgb / white_level(rgb, white_percentile),
+        light_mm=np.asarray(lights_mm, dtype=np.float64),
+        camera_mm=np.asarray(camera_mm, dtype=np.float64),
+        pixel_mm=pixel_mm,
+        caption="Rendered from the measured maps",
+    )
