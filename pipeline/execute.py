@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any, Literal, Protocol
 
 from pipeline.errors import InputError, InputErrors, PipelineError
@@ -116,7 +117,7 @@ def check_before_running(plan: Plan) -> None:
                     _collect(device.check, f"{node.path}.{name}", problems)
             check = _companion(node, "_check_")
             if check is not None and not problems:
-                _collect(lambda c=check, n=node, d=devices: c(**{**n.settings, **d}), node.path, problems)
+                _collect(partial(check, **{**node.settings, **devices}), node.path, problems)
         except InputError as error:
             problems.append(error.at(node.path))
     if problems:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,12 +197,12 @@ class PolarizationBench:
             raise InputError("the simulated bench has no sample", expected="sample: a node such as simulate.logo")
         scene = _Scene(sample)
         mount = self.mount
+        if not isinstance(mount, _VisibleShaft):
+            raise InputError("the simulated bench needs a mount whose shaft it can see", expected="a simulated mount")
 
         def view() -> NDArray[np.float32]:
-            return scene.through_polarizer(float(mount.shaft_rad)) * np.float32(self.light.present_radiance)
+            return scene.through_polarizer(mount.shaft_rad) * np.float32(self.light.present_radiance)
 
-        if not hasattr(mount, "shaft_rad"):
-            raise InputError("the simulated bench needs a mount whose shaft it can see", expected="a simulated mount")
         self.camera.look_at(view, sample.pixel_mm)
 
     def check(self) -> None:
@@ -210,7 +210,7 @@ class PolarizationBench:
 
     def __enter__(self) -> Self:
         for device in (self.camera, self.mount, self.light):
-            if hasattr(device, "__enter__"):
+            if isinstance(device, AbstractContextManager):
                 self._stack.enter_context(device)
         return self
 
@@ -218,6 +218,14 @@ class PolarizationBench:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stack.close()
+
+
+@runtime_checkable
+class _VisibleShaft(Protocol):
+    """A simulated mount, which can be asked where its shaft really stands."""
+
+    @property
+    def shaft_rad(self) -> float: ...
 
 
 class _Scene:

@@ -21,7 +21,7 @@ def white_balanced_weights(light: Spectrum, step_nm: float) -> tuple[Float64Arra
     Parameters
     ----------
     light : {"D65", "A", "inverse A", "E"}
-        Spectrum of the light; "inverse A" is the reciprocal of CIE illuminant A, as the paper takes for a phone's flash.
+        Spectrum of the light; "inverse A" is the reciprocal of CIE illuminant A, the paper's phone flash.
     step_nm : float
         Distance of the wavelengths between 380 and 780 nm.
 

@@ -56,7 +56,7 @@ def window_spread(wavelength_um: ArrayLike, coherence_um: float) -> Float64Array
 
 
 def highest_order(period_um: float, wavelength_um: float, largest_u: float) -> int:
-    """Highest order that can reach a viewer: that with ``m lambda / a`` up to ``largest_u``, and one more for its width."""
+    """Highest order that can reach a viewer: ``m lambda / a`` up to ``largest_u``, and one more for its width."""
     return int(np.ceil(period_um * largest_u / wavelength_um)) + 1
 
 

@@ -70,9 +70,9 @@ def sensor_signal(
     saturated : ndarray, bool
         Where it ended.
     """
-    electrons = np.maximum(exposure, 0) * full_well_electrons
+    electrons: NDArray[np.floating] = np.maximum(exposure, 0) * full_well_electrons
     if shot_noise:
-        electrons = rng.poisson(electrons)
+        electrons = rng.poisson(electrons).astype(np.float32)
     if read_noise_electrons > 0:
         electrons = electrons + rng.normal(0.0, read_noise_electrons, exposure.shape)
     signal = np.clip(electrons / full_well_electrons, 0.0, 1.0)

@@ -26,8 +26,7 @@ def retarder(retardation_rad: ArrayLike, axis_rad: ArrayLike = 0.0) -> NDArray[n
     own = np.zeros((*retardation.shape, 2, 2), dtype=np.complex128)
     own[..., 0, 0] = 1.0
     own[..., 1, 1] = np.exp(1j * retardation)
-    turn = rotation(axis)
-    return np.swapaxes(turn, -1, -2) @ own @ turn
+    return _turned(own, axis)
 
 
 def grating(orientation_rad: ArrayLike, amplitude_ratio: float, phase_rad: float) -> NDArray[np.complex128]:
@@ -35,8 +34,13 @@ def grating(orientation_rad: ArrayLike, amplitude_ratio: float, phase_rad: float
 
     Along the tangent the field is reflected with -1, across it with ``R = r exp(i zeta)``.
     """
-    turn = rotation(orientation_rad)
     own = np.diag([-1.0, amplitude_ratio * np.exp(1j * phase_rad)])
+    return _turned(own, orientation_rad)
+
+
+def _turned(own: NDArray[np.complex128], angle_rad: ArrayLike) -> NDArray[np.complex128]:
+    """A matrix given along its own axes, in axes that these are turned from."""
+    turn = rotation(angle_rad).astype(np.complex128)
     return np.swapaxes(turn, -1, -2) @ own @ turn
 
 

@@ -60,7 +60,7 @@ def point_light(
     Returns
     -------
     PictureSeries
-        Linear sRGB of shape (lights, M, N, 3); the exposure, the same for all, brings the brightest facets to full scale.
+        Linear sRGB of shape (lights, M, N, 3); one exposure for all brings the brightest facets to full scale.
 
     Raises
     ------

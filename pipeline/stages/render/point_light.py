@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.data import OrientationMap, PeriodMap, PictureSeries
+from pipeline.devices.virtual_light import render_sheet, white_level
 from pipeline.errors import InputError
 from pipeline.optics.colour import Spectrum
-from pipeline.devices.virtual_light import render_sheet, white_level
 
 
 def point_light(

@@ -1,0 +1,75 @@
+"""The forward model of polarisation imaging."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.optics.jones import CIRCULAR, grating, polarizer_response, retarder, rotation
+
+ANGLES = st.floats(-7, 7)
+RATIOS = st.floats(0.2, 3)
+SETTINGS = {"amplitude_ratio": 1.1, "phase_rad": np.pi / 4}
+
+
+@given(ANGLES, ANGLES, RATIOS, ANGLES)
+def test_without_a_film_it_is_equation_9(polarizer: float, orientation: float, r: float, zeta: float) -> None:
+    psi = polarizer - orientation
+    expected = 1 + (r**2 - 1) * (1 - np.cos(2 * psi)) / 2 - r * np.sin(zeta) * np.sin(2 * psi)
+    found = polarizer_response(polarizer, orientation, amplitude_ratio=r, phase_rad=zeta)
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+@given(ANGLES, ANGLES, ANGLES, ANGLES, ANGLES)
+def test_turning_everything_together_changes_nothing(
+    psi: float, theta: float, film: float, delta: float, turn: float
+) -> None:
+    settings = {**SETTINGS, "retardation_rad": delta}
+    still = polarizer_response(psi, theta, film_axis_rad=film, **settings)
+    turned = polarizer_response(psi + turn, theta + turn, film_axis_rad=film + turn, **settings)
+    assert turned == pytest.approx(still, abs=1e-9)
+
+
+@given(ANGLES, ANGLES, ANGLES)
+def test_period_is_half_a_turn_of_polarizer_and_of_grating(psi: float, theta: float, delta: float) -> None:
+    one = polarizer_response(psi, theta, retardation_rad=delta, **SETTINGS)
+    assert polarizer_response(psi + np.pi, theta, retardation_rad=delta, **SETTINGS) == pytest.approx(one, abs=1e-9)
+    assert polarizer_response(psi, theta - np.pi, retardation_rad=delta, **SETTINGS) == pytest.approx(one, abs=1e-9)
+
+
+@given(ANGLES, ANGLES)
+def test_energy_of_a_lossless_grating_is_kept(theta: float, delta: float) -> None:
+    crossed = [
+        polarizer_response(psi, theta, amplitude_ratio=1.0, phase_rad=0.7, retardation_rad=delta)
+        for psi in (0.3, 0.3 + np.pi / 2)
+    ]
+    assert sum(crossed) == pytest.approx(np.vdot(CIRCULAR, CIRCULAR).real, abs=1e-9)
+
+
+def test_matrices_are_unitary_and_reciprocal() -> None:
+    film = retarder(0.4, 0.9)
+    np.testing.assert_allclose(film @ film.conj().T, np.eye(2), atol=1e-12)
+    mirror = grating(0.6, 1.1, 0.3)
+    np.testing.assert_allclose(mirror, mirror.T, atol=1e-12)
+    np.testing.assert_allclose(rotation(0.2) @ rotation(0.5), rotation(0.7), atol=1e-12)
+
+
+def test_rotation_is_anticlockwise() -> None:
+    np.testing.assert_allclose(rotation(np.pi / 2) @ [0, 1], [1, 0], atol=1e-12)
+
+
+def test_batch_equals_loop() -> None:
+    psi = np.linspace(0, np.pi, 5)[:, None]
+    theta = np.linspace(0, 3, 7)[None, :]
+    settings = {**SETTINGS, "retardation_rad": 0.2, "film_axis_rad": 0.3}
+    batch = polarizer_response(psi, theta, **settings)
+    loop = [[polarizer_response(p, t, **settings) for t in theta[0]] for p in psi[:, 0]]
+    np.testing.assert_allclose(batch, loop, rtol=1e-12)
+
+
+def test_the_maximum_follows_the_grating_anticlockwise() -> None:
+    psi = np.linspace(0, np.pi, 1800, endpoint=False)
+    brightest = [psi[np.argmax(polarizer_response(psi, theta, **SETTINGS))] for theta in (0.2, 0.7)]
+    assert (brightest[1] - brightest[0]) % np.pi == pytest.approx(0.5, abs=2e-3)
