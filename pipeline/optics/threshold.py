@@ -1,0 +1,91 @@
+"""Where to cut an image into a dark ground and what is printed on it, and whether there is anything to cut."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
+
+_BINS = 256
+_SMOOTHING_BINS = 4.0
+_LEAST_SEPARABILITY = 0.8
+_DEEPEST_VALLEY = 0.5
+_LEAST_RATIO = 3.0
+
+
+@dataclass(frozen=True)
+class TwoModes:
+    """What the histogram of the logarithm of an intensity looks like.
+
+    Attributes
+    ----------
+    threshold : float
+        Cut between the modes, in the unit of the intensity.
+    separability : float
+        Share of the variance of the logarithm that Otsu's cut explains; 0.64 for one Gaussian, 0.75 for a uniform one.
+    valley : float
+        Height of the histogram's lowest place between the two modes, relative to the lower of the two.
+    ratio : float
+        Geometric mean intensity of the bright class over that of the dark one.
+    below : float
+        Share of the pixels below the threshold.
+    distinct : bool
+        Separability of 0.8 or more, a valley of 0.5 or less and a ratio of 3 or more.
+    """
+
+    threshold: float
+    separability: float
+    valley: float
+    ratio: float
+    below: float
+
+    @property
+    def distinct(self) -> bool:
+        """Whether the histogram has two modes far enough apart to be called ground and print."""
+        return (
+            self.separability >= _LEAST_SEPARABILITY and self.valley <= _DEEPEST_VALLEY and self.ratio >= _LEAST_RATIO
+        )
+
+
+def two_modes(intensity: ArrayLike) -> TwoModes:
+    """Cut the logarithm of ``intensity`` in two and say how well that describes it.
+
+    Otsu's cut separates the classes. The threshold is then moved down, never up, to half way in intensity between
+    the dark mode and the lowest mode of the bright class: half way up the blurred edge of the dimmest kind of facet,
+    so that facets of short period, which are dim, are kept. NaN are left out.
+
+    References
+    ----------
+    Otsu, A threshold selection method from gray-level histograms, IEEE Trans. SMC 9 (1979).
+    """
+    values = np.asarray(intensity, np.float64).ravel()
+    values = values[np.isfinite(values)]
+    top = float(np.percentile(values, 99.5)) if values.size else 0.0
+    if top <= 0:
+        return TwoModes(0.0, 0.0, 1.0, 1.0, 0.0)
+    logarithm = np.log(np.maximum(values, top * 1e-4))
+    low, high = np.percentile(logarithm, [0.1, 99.9])
+    if high - low < 1e-6:
+        return TwoModes(0.0, 0.0, 1.0, 1.0, 0.0)
+    counts, edges = np.histogram(logarithm, _BINS, (low, high))
+    share = counts / counts.sum()
+    centre = (edges[1:] + edges[:-1]) / 2
+    weight, moment = np.cumsum(share), np.cumsum(share * centre)
+    mean = moment[-1]
+    between = (mean * weight - moment) ** 2 / np.maximum(weight * (1 - weight), 1e-12)
+    cut = int(np.argmax(between[:-1]))
+    separability = float(between[cut] / np.sum(share * (centre - mean) ** 2))
+    ratio = float(np.exp((mean - moment[cut]) / (1 - weight[cut]) - moment[cut] / weight[cut]))
+
+    smooth = gaussian_filter1d(share, _SMOOTHING_BINS)
+    dark = int(np.argmax(smooth[: cut + 1]))
+    bright = cut + 1 + int(np.argmax(smooth[cut + 1 :]))
+    valley = float(smooth[dark : bright + 1].min() / min(smooth[dark], smooth[bright]))
+    peaks, _ = find_peaks(np.append(smooth, 0.0), prominence=0.1 * smooth[bright])
+    dimmest = min((int(p) for p in peaks if p > cut), default=bright)
+    half_way = (np.exp(centre[dark]) + np.exp(centre[dimmest])) / 2
+    threshold = float(min(np.exp(edges[cut + 1]), half_way))
+    return TwoModes(threshold, separability, valley, ratio, float(np.mean(values < threshold)))

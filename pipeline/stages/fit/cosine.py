@@ -1,0 +1,141 @@
+"""Grating orientation from the phase of a cosine."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data import BoolArray, FloatArray, OrientationMap, PolarizerSequence
+from pipeline.errors import InputError
+from pipeline.optics.harmonic import HarmonicMaps, fit_second_harmonic, harmonic_fit
+from pipeline.optics.threshold import two_modes
+from pipeline.parallel import over_rows
+
+_log = logging.getLogger(__name__)
+
+_ILL_CONDITIONED = 20.0
+
+
+def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: float | None = None) -> OrientationMap:
+    """Fit a cosine of period 180 degrees to every pixel; its maximum marks the orientation.
+
+    The orientation is the polariser angle at which the fitted cosine is largest. It differs from the grating's tangent
+    by one offset, the same for every pixel, so the map is not ``absolute``. The steps of the polariser need not be
+    equal: the fit is linear least squares on ``1, cos 2 psi, sin 2 psi``. Normalising each pixel by its mean and
+    standard deviation, as the source does, changes neither phase nor correlation and is left out.
+
+    Pre-normalisation subtracts from every photograph its mean over the diffracting pixels. The fit is linear, so this
+    subtracts from each pixel's cosine the cosine of those means: a vector, the same for every pixel, moved away from
+    each ``(c, s)`` before the angle is taken. It removes what the film adds to every pixel alike, and is exact where
+    all orientations are equally common; where a few dominate, it takes part of their own signal away and bends the map.
+
+    Parameters
+    ----------
+    photos : PolarizerSequence
+        K photographs, K >= 3, aligned; polariser angles distinct modulo 180 degrees.
+    prenormalize : bool
+        Subtract each photograph's mean over the diffracting pixels.
+    threshold : float, optional
+        Least mean intensity (full scale 1) of a pixel that diffracts. By default it is found from the histogram of the
+        logarithm of the mean intensity: used where that has two distinct modes (Otsu's cut explains 80 percent of the
+        variance or more, the valley is at most half as high as the lower mode, the bright class is three times as
+        bright), half way between the dark mode and the lowest bright one; otherwise all valid pixels are kept.
+
+    Returns
+    -------
+    OrientationMap
+        ``intensity`` is the cosine's mean over a turn of the polariser: the mean of the photographs where the steps are
+        equal over half a turn, and free of the orientation where they are not.
+
+    Raises
+    ------
+    InputError
+        Fewer than three distinct polariser angles, or no pixel left.
+
+    References
+    ----------
+    Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
+    sections 5.3 and 7.3; eq. 9.
+    """
+    _check_angles(photos)
+    orientation, correlation, intensity = _fit_rows(photos.images, photos.polarizer_rad)
+    mask = photos.valid & np.isfinite(orientation)
+    cut = _automatic_threshold(intensity, mask) if threshold is None else threshold
+    mask &= intensity >= cut
+    if not mask.any():
+        raise InputError(
+            f"no pixel is valid, modulated and brighter than {cut:.3g}",
+            expected="a threshold below the brightness of the diffracting pixels",
+            hint="set the fit's threshold to 0 to keep every valid pixel",
+        )
+    if prenormalize:
+        level = np.array([np.mean(image, where=mask, dtype=np.float64) for image in photos.images])
+        _report_common(photos, level)
+        orientation, correlation, intensity = _fit_rows(photos.images, photos.polarizer_rad, level)
+        mask &= np.isfinite(orientation)
+    orientation[~mask] = np.nan
+    correlation[~mask] = np.nan
+    return OrientationMap(orientation, correlation, intensity, mask, photos.pixel_mm)
+
+
+def _fit_rows(
+    images: NDArray[np.generic], polarizer_rad: FloatArray, reference: NDArray[np.float64] | None = None
+) -> HarmonicMaps:
+    """:func:`pipeline.optics.harmonic.fit_second_harmonic` on as many cores as the stage may use."""
+    height, width = images.shape[1:]
+    maps = (
+        np.empty((height, width), np.float32),
+        np.empty((height, width), np.float32),
+        np.empty((height, width), np.float32),
+    )
+
+    def rows(start: int, stop: int) -> None:
+        fit_second_harmonic(images, polarizer_rad, reference=reference, rows=(start, stop), out=maps)
+
+    over_rows(rows, height)
+    return maps
+
+
+def _check_angles(photos: PolarizerSequence) -> None:
+    degrees = ", ".join(f"{angle:g}" for angle in np.rad2deg(photos.polarizer_rad))
+    try:
+        fit = harmonic_fit(photos.polarizer_rad)
+    except ValueError as error:
+        raise InputError(str(error), where=f"polariser angles {degrees} deg") from error
+    if fit.condition > _ILL_CONDITIONED:
+        _log.warning(
+            "The polariser angles %s deg leave the cosine badly determined: noise grows up to %.0f times.",
+            degrees,
+            fit.condition / np.sqrt(2),
+        )
+
+
+def _automatic_threshold(intensity: FloatArray, valid: BoolArray) -> float:
+    modes = two_modes(intensity[valid])
+    figures = (
+        f"Otsu's cut explains {modes.separability:.2f} of the variance of the log intensity, "
+        f"valley {modes.valley:.2f}, bright over dark {modes.ratio:.1f}"
+    )
+    if not modes.distinct:
+        _log.info("No ground told apart, all valid pixels kept: the histogram has no two distinct modes (%s).", figures)
+        return -np.inf
+    _log.info(
+        "Pixels darker than %.4g (%.1f percent) taken for ground: the histogram has two distinct modes (%s).",
+        modes.threshold,
+        100 * modes.below,
+        figures,
+    )
+    return modes.threshold
+
+
+def _report_common(photos: PolarizerSequence, level: NDArray[np.float64]) -> None:
+    """Say how large the cosine is that pre-normalisation takes from every pixel."""
+    fit = harmonic_fit(photos.polarizer_rad)
+    common = np.hypot(fit.cosine @ level, fit.sine @ level) / (fit.mean @ level)
+    _log.info(
+        "Pre-normalisation subtracted a cosine of %.2f percent of the mean brightness from every pixel: what the film "
+        "adds to all alike, or the signal of orientations that are more common than others.",
+        100 * common,
+    )
