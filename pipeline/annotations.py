@@ -85,6 +85,8 @@ def _parse(node: ast.expr, names: Mapping[str, str], text: str) -> Annotation:
         if node.id in _SCALARS:
             return Annotation(node.id)
         return Annotation("class", name=names.get(node.id, node.id))
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+        return Annotation("class", name=f"{names.get(node.value.id, node.value.id)}.{node.attr}")
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
         parts: list[Annotation] = []
         for side in (node.left, node.right):

@@ -279,7 +279,8 @@ def _metrics(nodes: Iterable[NodeRun], store: Store) -> dict[str, float]:
         if not has_metrics:
             continue
         for name, figure in store.get(node.artifact).metrics.items():
-            found[name if name not in found else f"{node.name}.{name}"] = float(figure)
+            if found.get(name) != figure:
+                found[name if name not in found else f"{node.name}.{name}"] = float(figure)
     return found
 
 

@@ -190,7 +190,7 @@ def _step(task: Task, steps: Mapping[str, Step], store: Store, last_key: str | N
     node = task.node
     waiting = [name for name in node.upstream() if steps[name].state != "cached"]
     if waiting:
-        return Step(task, "depends", f"if {' or '.join(waiting)} changes")
+        return Step(task, "depends", f"if {' or '.join(waiting)} changes" if last_key else "never run")
     artifacts = {name: _artifact(steps[name]) for name in node.upstream()}
     inputs = inputs_of(node, artifacts)
     key = task.key(inputs)

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from math import pi
 from types import TracebackType
-from typing import Self
+from typing import Literal, Self
 
 import canopen
 
 from pipeline.devices.cia402 import Axis
-from pipeline.devices.simulated_drive import Fault, SimulatedDrive
+from pipeline.devices.simulated_drive import SimulatedDrive
 from pipeline.errors import DeviceError
 
 
@@ -124,7 +124,9 @@ class CanopenRotationMount:
 
 
 class SimulatedRotationMount(CanopenRotationMount):
-    """The same mount with a simulated drive on a virtual bus of this process: what a lab runs is what every run exercises.
+    """The same mount with a simulated drive on a virtual bus of this process.
+
+    What a lab runs is what every run exercises: only the drive is not there.
 
     Parameters
     ----------
@@ -150,7 +152,9 @@ class SimulatedRotationMount(CanopenRotationMount):
         acceleration_deg_s2: float = 90.0,
         timeout_s: float = 1.0,
         backlash_deg: float = 0.0,
-        fault: Fault = "none",
+        fault: Literal[
+            "none", "stall", "following error", "overcurrent", "abort", "silence", "heartbeat lost"
+        ] = "none",
     ) -> None:
         super().__init__(
             interface="virtual",

@@ -6,6 +6,7 @@ photographs, with weights that are the same for every pixel: one pass, no solver
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 HarmonicMaps = tuple[Float32Array, Float32Array, Float32Array]
 
-_TILE = 512  # pixels of a row whose accumulators and photographs stay in the first-level cache
+_TILE = 1024  # pixels of a row whose accumulators and photographs stay in the first-level cache
 _PI = np.float32(np.pi)
 _HALF_PI = np.float32(np.pi / 2)
 
@@ -39,6 +40,8 @@ class HarmonicFit:
     ----------
     mean, cosine, sine : ndarray of shape (K,), float64
         The rows of the pseudo-inverse of ``[1, cos 2 psi, sin 2 psi]``.
+    centres : ndarray of shape (2,), float64
+        Means of ``cos 2 psi_k`` and ``sin 2 psi_k``; zero for equal steps over half a turn.
     gram : ndarray of shape (3,), float64
         ``sum (c C_k + s S_k)^2 = gram . (c^2, 2 c s, s^2)`` with ``C``, ``S`` the centred cosines and sines: the part
         of a pixel's sum of squares about its mean that the cosine explains.
@@ -49,6 +52,7 @@ class HarmonicFit:
     mean: Float64Array
     cosine: Float64Array
     sine: Float64Array
+    centres: Float64Array
     gram: Float64Array
     condition: float
 
@@ -67,9 +71,10 @@ def harmonic_fit(polarizer_rad: ArrayLike) -> HarmonicFit:
     if len(double) < 3 or condition > 1e8:
         raise ValueError("a cosine needs photographs at three or more polariser angles distinct modulo 180 degrees")
     mean, cosine, sine = np.linalg.pinv(design)
-    centred_cos, centred_sin = (design[:, 1:] - design[:, 1:].mean(axis=0)).T
+    centres = design[:, 1:].mean(axis=0)
+    centred_cos, centred_sin = (design[:, 1:] - centres).T
     gram = np.array([centred_cos @ centred_cos, centred_cos @ centred_sin, centred_sin @ centred_sin])
-    return HarmonicFit(mean, cosine, sine, gram, condition)
+    return HarmonicFit(mean, cosine, sine, centres, gram, condition)
 
 
 @njit(float32(float32, float32), inline="always", error_model="numpy")
@@ -90,75 +95,94 @@ def _half_atan2(sine, cosine):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz"})
-def _fit_rows(  # type: ignore[no-untyped-def]  # noqa: PLR0917
-    images, reference, weights, gram, level, start, stop, orientation, correlation, mean
+def _fit_rows(  # type: ignore[no-untyped-def]
+    images, reference, weights, centres, gram, level, start, stop, orientation, correlation, mean
 ):
     count, _, columns = images.shape
     zeroth = np.empty(_TILE, np.float32)
     cosine = np.empty(_TILE, np.float32)
     sine = np.empty(_TILE, np.float32)
-    total = np.empty(_TILE, np.float32)
     square = np.empty(_TILE, np.float32)
     pivot = np.empty(_TILE, np.float32)
-    share = np.float32(1.0 / count)
     for row in range(start, stop):
         for left in range(0, columns, _TILE):
             width = min(_TILE, columns - left)
-            first = images[0, row, left : left + width]
-            offset = reference[0]
-            for j in range(width):
-                pivot[j] = np.float32(first[j]) - offset
-                zeroth[j] = cosine[j] = sine[j] = total[j] = square[j] = np.float32(0)
+            here = slice(left, left + width)
             # Differences to the first photograph: the sums stay accurate where the modulation is weak.
+            first = images[0, row, here]
+            for j in range(width):
+                pivot[j] = np.float32(first[j]) - reference[0]
+                zeroth[j] = cosine[j] = sine[j] = square[j] = np.float32(0)
             k = 1
-            while k + 1 < count:
-                one = images[k, row, left : left + width]
-                two = images[k + 1, row, left : left + width]
-                ref1, ref2 = reference[k], reference[k + 1]
-                m1, m2 = weights[0, k], weights[0, k + 1]
-                c1, c2 = weights[1, k], weights[1, k + 1]
-                s1, s2 = weights[2, k], weights[2, k + 1]
+            while k + 4 <= count:
+                one, two, three, four = (
+                    images[k, row, here],
+                    images[k + 1, row, here],
+                    images[k + 2, row, here],
+                    images[k + 3, row, here],
+                )
+                r1, r2, r3, r4 = reference[k], reference[k + 1], reference[k + 2], reference[k + 3]
+                m1, m2, m3, m4 = weights[0, k], weights[0, k + 1], weights[0, k + 2], weights[0, k + 3]
+                c1, c2, c3, c4 = weights[1, k], weights[1, k + 1], weights[1, k + 2], weights[1, k + 3]
+                s1, s2, s3, s4 = weights[2, k], weights[2, k + 1], weights[2, k + 2], weights[2, k + 3]
                 for j in range(width):
-                    y1 = (np.float32(one[j]) - ref1) - pivot[j]
-                    y2 = (np.float32(two[j]) - ref2) - pivot[j]
-                    zeroth[j] += m1 * y1 + m2 * y2
-                    cosine[j] += c1 * y1 + c2 * y2
-                    sine[j] += s1 * y1 + s2 * y2
-                    total[j] += y1 + y2
-                    square[j] += y1 * y1 + y2 * y2
-                k += 2
-            if k < count:
-                one = images[k, row, left : left + width]
-                ref1, m1, c1, s1 = reference[k], weights[0, k], weights[1, k], weights[2, k]
+                    y1 = (np.float32(one[j]) - r1) - pivot[j]
+                    y2 = (np.float32(two[j]) - r2) - pivot[j]
+                    y3 = (np.float32(three[j]) - r3) - pivot[j]
+                    y4 = (np.float32(four[j]) - r4) - pivot[j]
+                    zeroth[j] = m4 * y4 + (m3 * y3 + (m2 * y2 + (m1 * y1 + zeroth[j])))
+                    cosine[j] = c4 * y4 + (c3 * y3 + (c2 * y2 + (c1 * y1 + cosine[j])))
+                    sine[j] = s4 * y4 + (s3 * y3 + (s2 * y2 + (s1 * y1 + sine[j])))
+                    square[j] = y4 * y4 + (y3 * y3 + (y2 * y2 + (y1 * y1 + square[j])))
+                k += 4
+            while k < count:
+                one = images[k, row, here]
+                r1, m1, c1, s1 = reference[k], weights[0, k], weights[1, k], weights[2, k]
                 for j in range(width):
-                    y1 = (np.float32(one[j]) - ref1) - pivot[j]
-                    zeroth[j] += m1 * y1
-                    cosine[j] += c1 * y1
-                    sine[j] += s1 * y1
-                    total[j] += y1
-                    square[j] += y1 * y1
-            phase_row = orientation[row, left : left + width]
-            correlation_row = correlation[row, left : left + width]
-            mean_row = mean[row, left : left + width]
+                    y1 = (np.float32(one[j]) - r1) - pivot[j]
+                    zeroth[j] = m1 * y1 + zeroth[j]
+                    cosine[j] = c1 * y1 + cosine[j]
+                    sine[j] = s1 * y1 + sine[j]
+                    square[j] = y1 * y1 + square[j]
+                k += 1
+            orientation_row = orientation[row, here]
+            correlation_row = correlation[row, here]
+            mean_row = mean[row, here]
+            number, centre_c, centre_s = np.float32(count), centres[0], centres[1]
             gcc, gcs, gss = gram[0], gram[1], gram[2]
             for j in range(width):
                 c = cosine[j]
                 s = sine[j]
-                phase_row[j] = _half_atan2(s, c)
+                orientation_row[j] = _half_atan2(s, c)
+                # The fit's mean over the photographs is theirs, so no sum of theirs is needed.
+                average = zeroth[j] + (c * centre_c + s * centre_s)
                 explained = gcc * c * c + gcs * c * s + gss * s * s
-                ratio = explained / (square[j] - share * total[j] * total[j])
-                ratio = np.float32(1) if ratio > np.float32(1) else ratio
-                correlation_row[j] = np.sqrt(ratio)
+                share = explained / (square[j] - number * average * average)
+                share = np.float32(1) if share > np.float32(1) else share
+                correlation_row[j] = np.sqrt(share)
                 mean_row[j] = (pivot[j] + zeroth[j]) + level
 
 
+def fit_rows(
+    images: NDArray[np.generic], fit: HarmonicFit, reference: ArrayLike | None, out: HarmonicMaps
+) -> Callable[[int, int], None]:
+    """Prepare :func:`fit_second_harmonic` for threads: the call that reads and writes rows ``start`` to ``stop``."""
+    subtract = np.zeros(len(images), np.float32) if reference is None else np.asarray(reference, np.float32)
+    photographs = images.view()
+    photographs.flags.writeable = False  # one compiled kernel for arrays and read-only memory maps
+    weights = np.stack([fit.mean, fit.cosine, fit.sine]).astype(np.float32)
+    centres = fit.centres.astype(np.float32)
+    gram = (fit.gram * [1, 2, 1]).astype(np.float32)
+    level = np.float32(fit.mean @ subtract)
+
+    def rows(start: int, stop: int) -> None:
+        _fit_rows(photographs, subtract, weights, centres, gram, level, start, stop, *out)
+
+    return rows
+
+
 def fit_second_harmonic(
-    images: NDArray[np.generic],
-    polarizer_rad: ArrayLike,
-    *,
-    reference: ArrayLike | None = None,
-    rows: tuple[int, int] | None = None,
-    out: HarmonicMaps | None = None,
+    images: NDArray[np.generic], polarizer_rad: ArrayLike, *, reference: ArrayLike | None = None
 ) -> HarmonicMaps:
     """Phase, correlation and mean of the cosine of period 180 degrees through every pixel.
 
@@ -170,16 +194,12 @@ def fit_second_harmonic(
         Polariser angles, at least three of them distinct modulo 180 degrees; equal steps are not needed.
     reference : array of shape (K,), optional
         Subtracted from each photograph before the fit (pre-normalisation).
-    rows : tuple of int, optional
-        Only these rows (start, stop) are read and written, so that threads can share the work. All by default.
-    out : tuple of three ndarray of shape (M, N), float32, optional
-        Written and returned.
 
     Returns
     -------
     orientation_rad : ndarray of shape (M, N), float32
         Polariser angle at which the cosine is largest, in [0, pi); NaN where the photographs are all equal.
-        The polynomial arc tangent adds at most 2e-7 rad (half of 2.4e-7 and one rounding near pi).
+        The arc tangent, a polynomial, is good to 5e-7 rad.
     correlation : ndarray of shape (M, N), float32
         Normalised correlation of the cosine with the photographs, in [0, 1]: the square root of the share of their
         variance that it explains; NaN where the photographs are all equal.
@@ -187,15 +207,12 @@ def fit_second_harmonic(
         The cosine's mean over a turn, with that of ``reference`` added back: the mean of the photographs where the
         steps are equal over half a turn.
     """
-    fit = harmonic_fit(polarizer_rad)
-    count, height, width = images.shape
-    subtract = np.zeros(count, np.float32) if reference is None else np.asarray(reference, np.float32)
-    start, stop = rows or (0, height)
-    orientation, correlation, mean = out or tuple(np.empty((height, width), np.float32) for _ in range(3))
-    photographs = images.view()
-    photographs.flags.writeable = False  # one compiled kernel for arrays and read-only memory maps
-    weights = np.stack([fit.mean, fit.cosine, fit.sine]).astype(np.float32)
-    gram = (fit.gram * [1, 2, 1]).astype(np.float32)
-    level = np.float32(fit.mean @ subtract)
-    _fit_rows(photographs, subtract, weights, gram, level, start, stop, orientation, correlation, mean)
-    return orientation, correlation, mean
+    out = empty_maps(images.shape[1], images.shape[2])
+    fit_rows(images, harmonic_fit(polarizer_rad), reference, out)(0, images.shape[1])
+    return out
+
+
+def empty_maps(height: int, width: int) -> HarmonicMaps:
+    """Room for the three maps of a fit."""
+    shape = (height, width)
+    return np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.float32)

@@ -35,7 +35,7 @@ def register(
     Photographs of a sequence change contrast with the polariser, and two that are 90 degrees apart can be each
     other's negatives; what stays is where the edges are. ``edges`` models every small patch as one pattern whose
     contrast is free, sign included, in each photograph, and finds the shifts that all patches agree on: first by phase
-    correlation of edge images, then by Gauss-Newton. ``ecc`` and ``phase_correlation`` are OpenCV's, on the intensities.
+    correlation of edge images, then by Gauss-Newton. ``ecc`` and ``phase_correlation`` are OpenCV's, on intensities.
 
     A photograph is left exactly as it was where its shift is below ``least_shift_px`` or three times its own standard
     deviation: resampling costs sharpness and would gain nothing. Others are resampled by a quintic spline, and pixels
@@ -142,7 +142,7 @@ def _believed(shifts: Shifts, photos: PolarizerSequence, largest_px: float, leas
     moved = ~(unknown | too_far | still)
     moved[0] = False
     _log.info(
-        "Shifts found, right and down in pixels: %s. Moved: %s; the rest lie within %g px or three standard deviations.",
+        "Shifts found, right and down in pixels: %s. Moved: %s; the rest lie within %g px or three deviations.",
         ", ".join(f"({column:+.3f}, {row:+.3f})" for row, column in shifts.shift_px),
         ", ".join(str(k) for k in np.flatnonzero(moved)) or "none",
         least_px,
@@ -171,7 +171,7 @@ def _resampled(
                 clear[k] = photos.valid
 
     over_rows(resample, len(images), tile=1)
-    return dataclasses.replace(photos, images=images, valid=clear.all(axis=0))
+    return dataclasses.replace(photos, images=images, valid=np.logical_and.reduce(clear, axis=0))
 
 
 def _inside(shape: tuple[int, ...], row: float, column: float) -> BoolArray:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from pipeline.data import GratingSample, PictureSeries
 from pipeline.devices.virtual_light import render_sheet, white_level
 from pipeline.errors import InputError
-from pipeline.optics.colour import Spectrum
 from pipeline.optics.imaging import area_average, seen_by_lens, sensor_signal
 
 
@@ -18,7 +19,7 @@ def point_light(
     camera_mm: list[float] = [0.0, 0.0, 500.0],  # noqa: B006 - read from the syntax tree, never modified
     pixel_mm: float = 0.02,
     light_sigma_mm: float = 12.0,
-    illuminant: Spectrum = "D65",
+    illuminant: Literal["D65", "A", "inverse A", "E"] = "D65",
     coherence_um: float = 65.0,
     wavelength_step_nm: float = 5.0,
     blur_mm: float = 0.012,

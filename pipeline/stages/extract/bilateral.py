@@ -34,15 +34,15 @@ def bilateral(
 ) -> OrientationMap:
     """Smooth by an adaptive, iterated bilateral filter on ``(cos 2 theta, sin 2 theta)``.
 
-    Every iteration takes for each pixel a pivot from a small window, then the mean of the samples around it, weighted by
-    distance, by closeness to the pivot and by the square of the fit's correlation. Pixels outside the mask take no
+    Every iteration takes for each pixel a pivot from a small window, then the mean of the samples around it, weighted
+    by distance, by closeness to the pivot and by the square of the fit's correlation. Pixels outside the mask take no
     part and stay masked.
 
     The pivot is the sample of the window that most of the others support within the filter's angular width. An ordinary
-    median of a window that lies across an edge is the blurred pixel in the middle; this one is on one of the two sides,
-    so pixels that mix two facets snap to one. Closeness is counted by Tukey's biweight, which follows a Gaussian of
-    ``sigma_theta_deg`` near the pivot and is zero beyond twice that, so far orientations pull nothing, however often the
-    filter is iterated.
+    median of a window that lies across an edge is the blurred pixel in the middle; this one is on one of the two
+    sides, so pixels that mix two facets snap to one. Closeness is counted by Tukey's biweight, which follows a Gaussian
+    of ``sigma_theta_deg`` near the pivot and is zero beyond twice that, so far orientations pull nothing, however
+    often the filter is iterated.
 
     Parameters
     ----------
@@ -98,8 +98,7 @@ def bilateral(
 def _iterated(
     vector: Float32Array, weight: Float32Array, spatial: Float32Array, steepness: float, pivot_radius: int
 ) -> Float32Array:
-    height, width = vector.shape[1:]
-    pad = (weight.shape[0] - height) // 2
+    pad = (weight.shape[0] - vector.shape[1]) // 2
     padded = np.pad(vector, ((0, 0), (pad, pad), (pad, pad)))
     pivot = np.empty_like(vector)
     smooth = np.empty_like(vector)
@@ -108,7 +107,7 @@ def _iterated(
         pivot_rows(padded, weight, pivot_radius, steepness, start, stop, pivot)
         average_rows(padded, weight, pivot, spatial, steepness, start, stop, smooth)
 
-    over_rows(rows, height, tile=16)
+    over_rows(rows, vector.shape[1], tile=16)
     return smooth
 
 

@@ -33,9 +33,9 @@ def relative_period(
     """Periods relative to the longest: the zeroth order falls as ``1 / K^2`` when the period falls as ``1 / K``.
 
     ``period / longest = sqrt(I / I_longest)`` with ``I`` the mean intensity over the photographs. The intensity of the
-    longest period is not the largest one, which is noise, dust or an edge: it is the brightest mode of the histogram of
-    ``sqrt(I)``, where that mode lies within ten percent of the given percentile and stands out from the histogram; a map
-    without such a mode (periods that vary continuously) takes the percentile itself. What was used is reported.
+    longest period is not the largest one, which is noise, dust or an edge: it is the brightest mode of the histogram
+    of ``sqrt(I)``, where that lies within ten percent of the given percentile and stands out; a map without such a mode
+    (periods that vary continuously) takes the percentile itself. What was used is reported.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.data import BoolArray, FloatArray, OrientationMap, PolarizerSequence
 from pipeline.errors import InputError
-from pipeline.optics.harmonic import HarmonicMaps, fit_second_harmonic, harmonic_fit
+from pipeline.optics.harmonic import HarmonicFit, HarmonicMaps, empty_maps, fit_rows, harmonic_fit
 from pipeline.optics.threshold import two_modes
 from pipeline.parallel import over_rows
 
@@ -59,8 +59,8 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
     Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
     sections 5.3 and 7.3; eq. 9.
     """
-    _check_angles(photos)
-    orientation, correlation, intensity = _fit_rows(photos.images, photos.polarizer_rad)
+    fit = _checked_fit(photos)
+    orientation, correlation, intensity = _fit(photos.images, fit)
     mask = photos.valid & np.isfinite(orientation)
     cut = _automatic_threshold(intensity, mask) if threshold is None else threshold
     mask &= intensity >= cut
@@ -71,34 +71,35 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
             hint="set the fit's threshold to 0 to keep every valid pixel",
         )
     if prenormalize:
-        level = np.array([np.mean(image, where=mask, dtype=np.float64) for image in photos.images])
-        _report_common(photos, level)
-        orientation, correlation, intensity = _fit_rows(photos.images, photos.polarizer_rad, level)
+        level = _photo_means(photos.images, mask)
+        _report_common(fit, level)
+        orientation, correlation, intensity = _fit(photos.images, fit, level)
         mask &= np.isfinite(orientation)
     orientation[~mask] = np.nan
     correlation[~mask] = np.nan
     return OrientationMap(orientation, correlation, intensity, mask, photos.pixel_mm)
 
 
-def _fit_rows(
-    images: NDArray[np.generic], polarizer_rad: FloatArray, reference: NDArray[np.float64] | None = None
-) -> HarmonicMaps:
-    """:func:`pipeline.optics.harmonic.fit_second_harmonic` on as many cores as the stage may use."""
+def _fit(images: FloatArray, fit: HarmonicFit, reference: NDArray[np.float64] | None = None) -> HarmonicMaps:
+    """The fit on as many cores as the stage may use."""
     height, width = images.shape[1:]
-    maps = (
-        np.empty((height, width), np.float32),
-        np.empty((height, width), np.float32),
-        np.empty((height, width), np.float32),
-    )
-
-    def rows(start: int, stop: int) -> None:
-        fit_second_harmonic(images, polarizer_rad, reference=reference, rows=(start, stop), out=maps)
-
-    over_rows(rows, height)
+    maps = empty_maps(height, width)
+    over_rows(fit_rows(images, fit, reference, maps), height, tile=128)
     return maps
 
 
-def _check_angles(photos: PolarizerSequence) -> None:
+def _photo_means(images: FloatArray, mask: BoolArray) -> NDArray[np.float64]:
+    means = np.empty(len(images))
+
+    def average(start: int, stop: int) -> None:
+        for k in range(start, stop):
+            means[k] = np.mean(images[k], where=mask, dtype=np.float64)
+
+    over_rows(average, len(images), tile=1)
+    return means
+
+
+def _checked_fit(photos: PolarizerSequence) -> HarmonicFit:
     degrees = ", ".join(f"{angle:g}" for angle in np.rad2deg(photos.polarizer_rad))
     try:
         fit = harmonic_fit(photos.polarizer_rad)
@@ -110,6 +111,7 @@ def _check_angles(photos: PolarizerSequence) -> None:
             degrees,
             fit.condition / np.sqrt(2),
         )
+    return fit
 
 
 def _automatic_threshold(intensity: FloatArray, valid: BoolArray) -> float:
@@ -130,9 +132,8 @@ def _automatic_threshold(intensity: FloatArray, valid: BoolArray) -> float:
     return modes.threshold
 
 
-def _report_common(photos: PolarizerSequence, level: NDArray[np.float64]) -> None:
+def _report_common(fit: HarmonicFit, level: NDArray[np.float64]) -> None:
     """Say how large the cosine is that pre-normalisation takes from every pixel."""
-    fit = harmonic_fit(photos.polarizer_rad)
     common = np.hypot(fit.cosine @ level, fit.sine @ level) / (fit.mean @ level)
     _log.info(
         "Pre-normalisation subtracted a cosine of %.2f percent of the mean brightness from every pixel: what the film "

@@ -1,0 +1,313 @@
+"""What a folder of photographs says about itself: its ``capture.yaml``.
+
+::
+
+    kind: polarizer_sequence
+    wavelength_nm: 530                            # optional, as is everything but kind and photos
+    pixel_mm: 0.02
+    photos:
+      - {file: psi_000.tif, polarizer_deg: 0.0, exposure_s: 0.01}
+      - {file: raw.png, mosaic_deg: [[90, 45], [135, 0]]}   # one frame of a polarisation camera
+    mask: mask.png                                # white: pixels to use
+    dark: [dark_1.tif, dark_2.tif]                # lens capped, same exposure
+    flat: [flat_1.tif]                            # an even, unpolarised white
+    linear: true                                  # whether values are proportional to light; see photo_files.read_photo
+    saturation: 1.0                               # where the sensor was full, in files of floating-point numbers
+    metadata: {model: ...}                        # instead of what the files say
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pipeline.errors import InputError, InputErrors, nearest
+
+CAPTURE_FILE = "capture.yaml"
+KIND = "polarizer_sequence"
+KINDS = (KIND, "flash", "sheet_stack", "bispectral", "height_field")
+_NULL = "tag:yaml.org,2002:null"
+_HALF_TURN = Fraction("3.14159265358979323846264338327950288419716939937510")
+
+Mosaic = tuple[tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class PhotoEntry:
+    """One file of the capture.
+
+    Attributes
+    ----------
+    file : Path
+        Where it is.
+    polarizer_rad : float or None
+        Angle of the polariser in front of the camera; None for a mosaic.
+    mosaic_rad : tuple of tuple of float, or None
+        Angles of the 2 x 2 block of polarisers on the sensor, row by row.
+    exposure_s : float or None
+        Exposure time, where stated.
+    where : str
+        Place in ``capture.yaml``, for messages.
+    """
+
+    file: Path
+    polarizer_rad: float | None = None
+    mosaic_rad: Mosaic | None = None
+    exposure_s: float | None = None
+    where: str = ""
+
+
+@dataclass(frozen=True)
+class Capture:
+    """What was photographed, and with which files; every field as in ``capture.yaml``."""
+
+    source: Path
+    photos: tuple[PhotoEntry, ...]
+    wavelength_nm: float | None = None
+    pixel_mm: float | None = None
+    mask: Path | None = None
+    dark: tuple[Path, ...] = ()
+    flat: tuple[Path, ...] = ()
+    linear: bool | None = None
+    saturation: float | None = None
+    metadata: Mapping[str, str] | None = field(default=None)
+
+
+def read_capture_yaml(path: Path) -> Capture:
+    """Read and check a ``capture.yaml``; whether its files exist is not looked at.
+
+    Raises
+    ------
+    InputErrors
+        Everything that is wrong with it, each with file and line.
+    """
+    try:
+        root = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputErrors([InputError(f"{path.name} cannot be read: {error}", where=str(path))]) from None
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise InputErrors([InputError(f"no valid YAML: {error.problem}", where=f"{path}:{line}")]) from None
+    except yaml.YAMLError as error:
+        raise InputErrors([InputError(f"no valid YAML: {error}", where=str(path))]) from None
+    reader = _Reader(path)
+    capture = reader.capture(root)
+    if capture is None or reader.problems:
+        raise InputErrors(reader.problems)
+    return capture
+
+
+def radians_of(degrees: str) -> float:
+    """Radians of an angle written in degrees as a decimal, rounded once.
+
+    Multiplying doubles rounds twice, and leaves about one double in radians out of ten without any double in degrees; a
+    decimal has as many digits as it takes.
+
+    Raises
+    ------
+    ValueError
+        The text is no finite number.
+    """
+    value = float(degrees)
+    if not math.isfinite(value):
+        raise ValueError(f"{degrees} is not finite")
+    return float(Fraction(degrees) * _HALF_TURN / 180) if value else value
+
+
+def degrees_of(radians: float) -> str:
+    """The shortest decimal in degrees that :func:`radians_of` turns into exactly ``radians``."""
+    if not radians:
+        return str(radians)
+    exact = Fraction(radians) * 180 / _HALF_TURN
+    exponent = math.floor(math.log10(abs(exact)))
+    for digits in range(1, 40):
+        places = digits - 1 - exponent
+        scaled = round(exact * Fraction(10) ** places)
+        text = _decimal(scaled, places)
+        if radians_of(text) == radians:
+            return text
+    raise ValueError(f"{radians} has no decimal in degrees")
+
+
+def _decimal(scaled: int, places: int) -> str:
+    """``scaled / 10**places`` as a plain decimal with at least one place."""
+    if places <= 0:
+        return f"{scaled * 10**-places}.0"
+    sign, text = "-" if scaled < 0 else "", str(abs(scaled)).rjust(places + 1, "0")
+    return f"{sign}{text[:-places]}.{text[-places:]}"
+
+
+class _Reader:
+    """Walks the nodes of the YAML, collecting problems with their lines."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.problems: list[InputError] = []
+
+    def capture(self, root: yaml.Node | None) -> Capture | None:
+        if root is None:
+            self.problems.append(
+                InputError(f"{self.path.name} is empty", where=str(self.path), expected="kind, photos")
+            )
+            return None
+        known: dict[str, Callable[[yaml.Node], Any]] = {
+            "kind": self.kind,
+            "photos": self.photos,
+            "wavelength_nm": self.positive,
+            "pixel_mm": self.positive,
+            "mask": self.file,
+            "dark": self.files,
+            "flat": self.files,
+            "linear": self.boolean,
+            "saturation": self.positive,
+            "metadata": self.texts,
+        }
+        values = self.mapping(root, known, required=("kind", "photos"), what="capture.yaml")
+        if values is None or self.problems:
+            return None
+        del values["kind"]
+        return Capture(source=self.path, **values)
+
+    def mapping(
+        self,
+        node: yaml.Node,
+        known: Mapping[str, Callable[[yaml.Node], Any]],
+        *,
+        required: tuple[str, ...],
+        what: str,
+    ) -> dict[str, Any] | None:
+        if not isinstance(node, yaml.MappingNode):
+            self.problem(node, f"{what} is {_described(node)}", f"a mapping with {', '.join(known)}")
+            return None
+        values: dict[str, Any] = {}
+        for key, value in node.value:
+            name = str(key.value)
+            if name not in known:
+                self.problem(key, f"{what} has no '{name}'", ", ".join(known), nearest(name, known))
+            elif name in values:
+                self.problem(key, f"'{name}' stands twice", "one")
+            elif value.tag != _NULL or name in required:
+                values[name] = known[name](value)
+        for name in required:
+            if name not in values:
+                self.problem(node, f"{what} lacks '{name}'", ", ".join(required))
+        return values
+
+    def kind(self, node: yaml.Node) -> str | None:
+        text = self.text(node)
+        if text is not None and text != KIND:
+            what = "cannot be replayed as photographs through a polariser" if text in KINDS else "is no kind of capture"
+            self.problem(node, f"'{text}' {what}", KIND, nearest(text, KINDS) if text not in KINDS else "")
+        return text
+
+    def photos(self, node: yaml.Node) -> tuple[PhotoEntry, ...]:
+        if not isinstance(node, yaml.SequenceNode) or not node.value:
+            self.problem(node, f"photos is {_described(node)}", "a list of {file: ..., polarizer_deg: ...}")
+            return ()
+        return tuple(entry for entry in map(self.photo, node.value) if entry is not None)
+
+    def photo(self, node: yaml.Node) -> PhotoEntry | None:
+        known: dict[str, Callable[[yaml.Node], Any]] = {
+            "file": self.file,
+            "polarizer_deg": self.angle,
+            "mosaic_deg": self.mosaic,
+            "exposure_s": self.positive,
+        }
+        values = self.mapping(node, known, required=("file",), what="a photo")
+        if values is None:
+            return None
+        if ("polarizer_deg" in values) == ("mosaic_deg" in values):
+            both = "both" if "mosaic_deg" in values else "neither"
+            self.problem(
+                node,
+                f"a photo has {both} of polarizer_deg and mosaic_deg",
+                "polarizer_deg: 45, or mosaic_deg: [[90, 45], [135, 0]] for a frame of a polarisation camera",
+            )
+        if values.get("file") is None:
+            return None
+        return PhotoEntry(
+            file=values["file"],
+            polarizer_rad=values.get("polarizer_deg"),
+            mosaic_rad=values.get("mosaic_deg"),
+            exposure_s=values.get("exposure_s"),
+            where=self.place(node),
+        )
+
+    def mosaic(self, node: yaml.Node) -> Mosaic | None:
+        rows = node.value if isinstance(node, yaml.SequenceNode) else []
+        shape = [len(row.value) if isinstance(row, yaml.SequenceNode) else 0 for row in rows]
+        if shape != [2, 2]:
+            self.problem(node, f"mosaic_deg is {_described(node)}", "two rows of two angles: [[90, 45], [135, 0]]")
+            return None
+        angles = [self.angle(item) for row in rows for item in row.value]
+        if any(angle is None for angle in angles):
+            return None
+        a, b, c, d = (angle or 0.0 for angle in angles)
+        return ((a, b), (c, d))
+
+    def angle(self, node: yaml.Node) -> float | None:
+        text = self.text(node)
+        try:
+            return None if text is None else radians_of(text)
+        except ValueError:
+            self.problem(node, f"'{text}' is no angle", "degrees, such as 22.5")
+            return None
+
+    def positive(self, node: yaml.Node) -> float | None:
+        text = self.text(node)
+        try:
+            value = math.nan if text is None else float(text)
+        except ValueError:
+            value = math.nan
+        if not 0 < value < math.inf:
+            self.problem(node, f"'{text}' is no positive number", "a number above 0")
+            return None
+        return value
+
+    def boolean(self, node: yaml.Node) -> bool | None:
+        text = self.text(node)
+        if text not in ("true", "false"):
+            self.problem(node, f"'{text}' is neither true nor false", "true or false")
+        return text == "true"
+
+    def file(self, node: yaml.Node) -> Path | None:
+        text = self.text(node)
+        if not text:
+            self.problem(node, "a file without a name", "a file name relative to the folder")
+            return None
+        return self.path.parent / text
+
+    def files(self, node: yaml.Node) -> tuple[Path, ...]:
+        items = node.value if isinstance(node, yaml.SequenceNode) else [node]
+        return tuple(path for path in map(self.file, items) if path is not None)
+
+    def texts(self, node: yaml.Node) -> dict[str, str]:
+        if not isinstance(node, yaml.MappingNode):
+            self.problem(node, f"metadata is {_described(node)}", "a mapping of texts")
+            return {}
+        return {str(key.value): str(self.text(value)) for key, value in node.value}
+
+    def text(self, node: yaml.Node) -> str | None:
+        if not isinstance(node, yaml.ScalarNode):
+            self.problem(node, f"{_described(node)} stands where one value is due", "one value")
+            return None
+        return str(node.value)
+
+    def place(self, node: yaml.Node) -> str:
+        return f"{self.path}:{node.start_mark.line + 1}"
+
+    def problem(self, node: yaml.Node, what: str, expected: str, hint: str = "") -> None:
+        self.problems.append(InputError(what, where=self.place(node), expected=expected, hint=hint))
+
+
+def _described(node: yaml.Node) -> str:
+    if isinstance(node, yaml.ScalarNode):
+        return f"'{node.value}'" if node.value else "empty"
+    size = len(node.value)
+    return f"a {'list' if isinstance(node, yaml.SequenceNode) else 'mapping'} of {size}"

@@ -1,0 +1,113 @@
+"""Sequences of photographs written as a folder that the replay rig takes in again, bit for bit."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO
+import yaml
+from numpy.typing import NDArray
+
+from pipeline.data import PolarizerSequence
+from pipeline.devices.capture_yaml import CAPTURE_FILE, KIND, degrees_of
+from pipeline.errors import DeviceError, InputError
+
+MASK_FILE = "mask.png"
+
+
+def write_polarizer_sequence(sequence: PolarizerSequence, folder: Path) -> Path:
+    """Write photographs as 32-bit float TIFF with a mask and ``capture.yaml``, which comes last.
+
+    Parameters
+    ----------
+    sequence : PolarizerSequence
+        The photographs; replaying the folder gives this very value, bit for bit.
+    folder : Path
+        Where to write; made where it is missing.
+
+    Returns
+    -------
+    Path
+        The ``capture.yaml``.
+
+    Raises
+    ------
+    InputError
+        The sequence states an angle twice, marks pixels valid that are no numbers, or holds what no photograph does.
+    DeviceError
+        A file cannot be written.
+    """
+    _check(sequence)
+    count = len(sequence.images)
+    names = [f"photo_{index:0{len(str(count))}d}.tif" for index in range(1, count + 1)]
+    lines = [
+        "# Angles: anticlockwise from +x, y up, as seen in the displayed photograph.",
+        f"# python -m pipeline +experiment=polarization_logo rig=replay rig.folder={folder.name}",
+        f"kind: {KIND}",
+    ]
+    if sequence.wavelength_nm is not None:
+        lines.append(f"wavelength_nm: {float(sequence.wavelength_nm)!r}")
+    if sequence.pixel_mm is not None:
+        lines.append(f"pixel_mm: {float(sequence.pixel_mm)!r}")
+    lines.append("photos:")
+    exposures = sequence.exposure_s or (None,) * count
+    for name, angle, exposure in zip(names, sequence.polarizer_rad, exposures, strict=True):
+        stated = "" if exposure is None else f", exposure_s: {float(exposure)!r}"
+        lines.append(f"  - {{file: {name}, polarizer_deg: {degrees_of(float(angle))}{stated}}}")
+    if not sequence.valid.all():
+        lines.append(f"mask: {MASK_FILE}")
+    text = "\n".join(lines) + "\n" + yaml.safe_dump({"metadata": dict(sequence.metadata)}, width=math.inf)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, image in zip(names, sequence.images, strict=True):
+            _write_image(folder / name, image)
+        if not sequence.valid.all():
+            _write_image(folder / MASK_FILE, np.where(sequence.valid, np.uint8(255), np.uint8(0)))
+        path = folder / CAPTURE_FILE
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise DeviceError(f"{folder} cannot be written: {error.strerror}") from error
+    return path
+
+
+def _check(sequence: PolarizerSequence) -> None:
+    angles = np.asarray(sequence.polarizer_rad)
+    if sequence.images.dtype != np.float32 or sequence.images.ndim != 3 or not sequence.images.size:
+        raise InputError(
+            f"images of shape {sequence.images.shape} and type {sequence.images.dtype}",
+            expected="(angles, rows, columns) of float32",
+        )
+    if angles.dtype != np.float64 or angles.shape != sequence.images.shape[:1] or not np.isfinite(angles).all():
+        raise InputError(
+            f"{angles.size} angles of type {angles.dtype}", expected="a finite float64 for each photograph"
+        )
+    if len(np.unique(angles)) != len(angles):
+        raise InputError("an angle of the polariser stands twice", expected="one photograph an angle")
+    if sequence.exposure_s is not None and not all(0 < e < math.inf for e in sequence.exposure_s):
+        raise InputError(f"exposures of {sequence.exposure_s} s", expected="positive numbers")
+    if sequence.valid.shape != sequence.images.shape[1:] or not sequence.valid.any():
+        raise InputError("no valid pixel", expected="a mask of the photographs' size that leaves some")
+    if not np.isfinite(sequence.images[:, sequence.valid]).all():
+        raise InputError("valid pixels are NaN or infinite", expected="finite signal wherever it is valid")
+
+
+def _write_image(path: Path, image: NDArray[Any]) -> None:
+    rows, columns = image.shape
+    is_signal = image.dtype == np.float32
+    spec = OpenImageIO.ImageSpec(columns, rows, 1, OpenImageIO.FLOAT if is_signal else OpenImageIO.UINT8)
+    if is_signal:
+        spec.attribute("compression", "zip")
+        spec.attribute("tiff:zipquality", 1)
+    target = OpenImageIO.ImageOutput.create(str(path))
+    if target is None or not target.open(str(path), spec):
+        raise DeviceError(
+            f"{path} cannot be written: {OpenImageIO.geterror() if target is None else target.geterror()}"
+        )
+    # OpenImageIO reads beyond the end of arrays without a channel axis.
+    written = target.write_image(np.ascontiguousarray(image)[..., np.newaxis])
+    complaint = target.geterror()
+    if not target.close() or not written:
+        raise DeviceError(f"{path} cannot be written: {complaint or target.geterror()}")
