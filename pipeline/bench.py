@@ -179,7 +179,7 @@ class Experiment:
             overrides=tuple(o.text for o in self.configuration.overrides),
             description=str(self.configuration.content.get("description") or "").strip(),
             nodes=nodes,
-            metrics=_metrics(nodes.values(), self.store),
+            metrics=_metrics(sorted(nodes.values(), key=lambda n: n.name != "evaluate"), self.store),
             config_yaml=OmegaConf.to_yaml(OmegaConf.create(self.configuration.content)),
             versions=provenance["versions"],
             commit=provenance["commit"],

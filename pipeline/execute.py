@@ -250,9 +250,9 @@ class _Bench:
                 record = self._compute(task, key, inputs)
             return Outcome(name, "ran", record, _ran_reason(reason))
         except PipelineError as error:
-            return Outcome(name, "failed", reason=reason, error=str(error))
+            return Outcome(name, "failed", reason=_ran_reason(reason), error=str(error))
         except Exception:
-            return Outcome(name, "failed", reason=reason, error=traceback.format_exc())
+            return Outcome(name, "failed", reason=_ran_reason(reason), error=traceback.format_exc())
 
     def _compute(self, task: Task, key: str, inputs: Inputs) -> Record:
         values = {parameter: self._load(item) for parameter, item in inputs.items()}

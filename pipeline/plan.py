@@ -234,7 +234,7 @@ def _changed_reason(task: Task, inputs: Inputs, previous: Record | None) -> str:
         reasons.append(f"code changed: {_listed(changed)}")
     if previous.stage == task.node.entry.name:
         imports = sorted(set(task.code) ^ set(previous.code))
-        if imports:
+        if imports and not reasons:
             reasons.append(f"imports changed: {_listed(imports)}")
     for name, value in inputs.items():
         before = previous.inputs.get(name)
@@ -250,7 +250,9 @@ def _changed_settings(before: Mapping[str, Any], after: Mapping[str, Any], path:
     for name in sorted({*before, *after}):
         old, new = before.get(name), after.get(name)
         if isinstance(old, Mapping) and isinstance(new, Mapping):
-            if "content" in old and "content" in new and old != new:
+            if old.get("device") != new.get("device"):
+                found.append(f"{path}{name} changed: {old.get('device')} -> {new.get('device')}")
+            elif "content" in old and "content" in new and old != new:
                 found.append(f"files changed: {path}{name}")
             else:
                 found += _changed_settings(old, new, f"{path}{name}.")

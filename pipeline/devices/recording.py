@@ -21,6 +21,9 @@ from pipeline.optics.mosaic import REACH, Demosaic, demosaic, spread
 FloatImage = NDArray[np.float32]
 BoolImage = NDArray[np.bool_]
 
+LEAST_FLAT = 0.01
+"""Part of its mean below which a flat field tells nothing."""
+
 log = logging.getLogger(__name__)
 
 
@@ -54,7 +57,7 @@ class Corrections:
     flat : ndarray of shape (M, N), float32, or None
         Mean of the flat fields less ``dark``, of unit mean; 1 where it is unusable.
     mask : ndarray of shape (M, N), bool, or None
-        Inside the photographer's mask, with a dark frame that is a number and a flat field above 0 and unsaturated.
+        Inside the photographer's mask, with a finite dark frame and a flat field that is bright enough and unsaturated.
     """
 
     dark: FloatImage | None
@@ -134,11 +137,13 @@ class Recording:
             if dark is not None:
                 flat = flat - dark
             burnt = [self.raw(file).saturated for file in self.capture.flat]
-            usable = np.isfinite(flat) & (flat > 0) & ~np.logical_or.reduce(burnt)
+            usable = np.isfinite(flat) & ~np.logical_or.reduce(burnt)
+            if usable.any():
+                usable &= flat > LEAST_FLAT * np.mean(flat, where=usable)
             if not usable.all():
                 log.warning("%d pixels have no usable flat field and are left out", np.count_nonzero(~usable))
-            mean = np.float32(flat.mean(where=usable, dtype=np.float64))
-            flat = np.where(usable, flat / mean, np.float32(1))
+            level = np.mean(flat, where=usable) if usable.any() else np.float32(1)
+            flat = np.where(usable, flat / level, np.float32(1))
             good = _and(good, usable)
         return Corrections(dark, flat, good)
 

@@ -47,12 +47,22 @@ def check_recording(recording: Recording) -> None:
     problems += _different_sizes(sizes, mask, recording.capture.mask)
     problems += _too_few_angles(recording)
     if not problems:
-        try:
-            _ = recording.frames
-        except InputError as error:
-            problems.append(error)
+        problems += _at_last(recording)
     if problems:
         raise InputErrors(problems)
+
+
+def _at_last(recording: Recording) -> Iterator[InputError]:
+    """What can be asked only of files that are all readable and of one size."""
+    try:
+        _ = recording.frames
+    except InputError as error:
+        yield error
+    usable = recording.corrections.mask
+    if usable is not None and not usable.any():
+        yield InputError(
+            "mask, dark frames and flat fields together leave no pixel", where=str(recording.capture.source)
+        )
 
 
 def _files(recording: Recording) -> Iterator[_File]:

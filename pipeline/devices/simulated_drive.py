@@ -180,4 +180,3 @@ class SimulatedDrive:
         if self._error_code == EMERGENCIES["following error"]:
             word |= FOLLOWING_ERROR
         return word
-

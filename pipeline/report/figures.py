@@ -34,6 +34,7 @@ class Picture:
 
     png: bytes
     caption: str
+    wide: bool = False
 
 
 def figures_of(value: object) -> list[Picture]:
@@ -53,21 +54,21 @@ def beside(series: Sequence[PictureSeries]) -> Picture:
         lights = series[0].light_mm
         figure = Figure(figsize=(1.75 * len(lights), 1.95 * len(series) + 0.25), layout="constrained")
         axes = np.atleast_2d(figure.subplots(len(series), len(lights), squeeze=False))
-        for row, one in zip(axes, series, strict=True):
+        for index, (row, one) in enumerate(zip(axes, series, strict=True)):
             for ax, rgb, light in zip(row, one.rgb, lights, strict=True):
                 ax.imshow(encode_srgb(reduced(rgb)[0]), interpolation="nearest")
-                ax.set_xticks([])
-                ax.set_yticks([])
+                ax.set(xticks=[], yticks=[])
                 for spine in ax.spines.values():
                     spine.set_visible(False)
-                if row is axes[0]:
+                if index == 0:
                     ax.set_title(direction(light))
-            row[0].set_ylabel(one.caption.split(":")[0])
+            row[0].set_ylabel(one.caption.split()[0].rstrip(":,"))
         rows = "; ".join(f"row {i + 1}: {one.caption[:1].lower()}{one.caption[1:]}" for i, one in enumerate(series))
         return Picture(
             _png(figure),
             f"The sheet under a light at each of {len(lights)} places, named by azimuth (anticlockwise from +x) and "
             f"elevation; {rows}. sRGB, one exposure a row.",
+            wide=True,
         )
 
 
@@ -80,15 +81,8 @@ def direction(light_mm: NDArray[np.floating]) -> str:
 def _orientation_map(value: OrientationMap) -> list[Picture]:
     known = "absolute" if value.absolute else "known up to one offset, the same everywhere"
     figure, (left, right) = _pair()
-    _map(
-        left,
-        value.correlation,
-        value.pixel_mm,
-        "correlation",
-        cmap="viridis",
-        low=np.nanpercentile(np.nan_to_num(value.correlation, nan=1.0), 1),
-        high=1.0,
-    )
+    least = float(np.percentile(value.correlation[value.mask], 1)) if value.mask.any() else 0.0
+    _map(left, value.correlation, value.pixel_mm, "correlation", cmap="viridis", low=least, high=1.0)
     right.hist(value.correlation[value.mask], bins=80, color="#3b6ea5")
     right.set(xlabel="correlation of the fit", ylabel="pixels", yscale="log")
     return [
@@ -155,6 +149,7 @@ def _photos(value: PolarizerSequence) -> list[Picture]:
             _png(figure),
             f"The {count} photographs{light}, by the angle of the polariser; white is {level:.3g} of full scale. "
             f"{_size(value.valid)}",
+            wide=True,
         ),
         Picture(
             _png(curve),

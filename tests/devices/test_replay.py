@@ -23,7 +23,7 @@ from pipeline.devices.protocols import Camera, PolarizationRig, RotationMount
 from pipeline.devices.replay import PhotoFolder
 from pipeline.errors import DeviceError, InputError, InputErrors
 from pipeline.keys import digest
-from pipeline.optics.angles import axial_difference
+from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.stages.capture.polarizer_sequence import polarizer_sequence
 
 ROWS, COLUMNS = 6, 8
@@ -250,6 +250,13 @@ def test_a_mask_that_leaves_nothing(photos: Path) -> None:
     refused(photos, r"the mask leaves no pixel[\s\S]*mask.png")
 
 
+def test_a_flat_field_that_leaves_nothing(photos: Path) -> None:
+    for level in (0, 65535):
+        write_image(photos / "flat.tif", np.full((ROWS, COLUMNS), level, np.uint16))
+        describe(photos, flat=["flat.tif"])
+        refused(photos, r"mask, dark frames and flat fields together leave no pixel[\s\S]*capture.yaml")
+
+
 def test_too_few_angles(photos: Path) -> None:
     (photos / "capture.yaml").write_text(
         "kind: polarizer_sequence\nphotos:\n  - {file: psi_000.tif, polarizer_deg: 0}\n"
@@ -389,6 +396,13 @@ def test_real_photographs_against_polanalyser(measurements: Path, name: str) -> 
 
 
 def test_angles_in_the_four_discs(measurements: Path) -> None:
-    """Medians around the discs' centres, as measured once by polanalyser: 83.2, 43.6, 175.2, 135.4 degrees."""
+    """As polanalyser gave them for the centres of the discs; their labels say nothing about handedness."""
     sequence = replay(measurements / "polarization" / "filters")
     assert sequence.images.shape == (4, 2048, 2448)
+    angle = stokes_angle(sequence)
+    for (row, column), expected in zip(
+        ((1092, 380), (1095, 1002), (1092, 1555), (1110, 2108)), (83.2, 43.6, 175.2, 135.4), strict=True
+    ):
+        disc = np.s_[row - 60 : row + 60, column - 60 : column + 60]
+        assert sequence.valid[disc].all()
+        assert abs(np.rad2deg(axial_difference(axial_median(angle[disc]), np.deg2rad(expected)))) < 0.5

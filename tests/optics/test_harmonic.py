@@ -26,9 +26,10 @@ def cosines(angles, shape=(40, 70), seed=0):
 def test_a_noiseless_cosine_is_recovered(angles):
     images, phase, level = cosines(angles)
     orientation, correlation, mean = fit_second_harmonic(images, angles)
-    assert np.abs(axial_difference(orientation, phase)).max() < 2e-5
-    assert correlation.min() > 1 - 1e-6
-    np.testing.assert_allclose(mean, level, rtol=1e-5)
+    gain = harmonic_fit(angles).condition  # of float32 rounding
+    assert np.abs(axial_difference(orientation, phase)).max() < 2e-6 * gain
+    assert correlation.min() > 1 - 1e-6 * gain
+    np.testing.assert_allclose(mean, level, rtol=1e-6 * gain)
 
 
 def test_the_arc_tangent_is_good_to_half_a_microradian_everywhere():
@@ -51,6 +52,7 @@ def test_random_photographs_match_polanalyser_and_a_loop_of_least_squares(angles
     images = (images * 65535).astype(dtype) if dtype is np.uint16 else images.astype(dtype)
     orientation, correlation, mean = fit_second_harmonic(images, angles)
     stokes = polanalyser.calcStokes(images.astype(np.float64), angles)
+    gain = harmonic_fit(angles).condition
     design = np.stack([np.ones(len(angles)), np.cos(2 * angles), np.sin(2 * angles)], axis=1)
     for row, column in np.ndindex(images.shape[1:]):
         data = images[:, row, column].astype(np.float64)
@@ -58,7 +60,7 @@ def test_random_photographs_match_polanalyser_and_a_loop_of_least_squares(angles
         amplitude = np.hypot(c, s) / np.ptp(data)
         assert abs(axial_difference(orientation[row, column], np.arctan2(s, c) / 2)) < 1e-6 / amplitude
         assert correlation[row, column] == pytest.approx(np.corrcoef(data, design @ [level, c, s])[0, 1], abs=2e-5)
-        assert mean[row, column] == pytest.approx(level, rel=1e-5)
+        assert mean[row, column] == pytest.approx(level, abs=1e-6 * gain * data.max())
     strong = polanalyser.cvtStokesToDoLP(stokes) > 0.05
     difference = axial_difference(orientation, polanalyser.cvtStokesToAoLP(stokes))
     assert np.abs(difference[strong]).max() < 1e-5
@@ -66,11 +68,9 @@ def test_random_photographs_match_polanalyser_and_a_loop_of_least_squares(angles
 
 def test_integers_and_floats_of_the_same_value_give_the_same():
     images = np.random.default_rng(2).integers(0, 65536, (7, 20, 33)).astype(np.uint16)
-    for exact, converted in zip(
-        fit_second_harmonic(images, UNEQUAL[:7]),
-        fit_second_harmonic(images.astype(np.float32), UNEQUAL[:7]),
-        strict=True,
-    ):
+    integers = fit_second_harmonic(images, UNEQUAL[:7])
+    floats = fit_second_harmonic(images.astype(np.float32), UNEQUAL[:7])
+    for exact, converted in zip(integers, floats, strict=True):
         np.testing.assert_array_equal(exact, converted)
 
 

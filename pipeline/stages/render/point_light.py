@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Literal
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from pipeline.data import OrientationMap, PeriodMap, PictureSeries
 from pipeline.devices.virtual_light import render_sheet, white_level
 from pipeline.errors import InputError
+
+_log = logging.getLogger(__name__)
 
 
 def point_light(
@@ -21,6 +24,7 @@ def point_light(
     illuminant: Literal["D65", "A", "inverse A", "E"] = "D65",
     depth_um: float = 0.12,
     coherence_um: float = 65.0,
+    width_mm: float = 15.0,
     wavelength_step_nm: float = 5.0,
     white_percentile: float = 99.5,
 ) -> PictureSeries:
@@ -32,7 +36,7 @@ def point_light(
     Parameters
     ----------
     orientation, period : OrientationMap, PeriodMap
-        Maps of the same shape (M, N) with a known pixel pitch.
+        Maps of the same shape (M, N).
     lights_mm : list of [x, y, z]
         Positions of the light: x right, y up, z towards the camera, origin at the centre of the sheet.
     camera_mm : [x, y, z]
@@ -45,6 +49,8 @@ def point_light(
         Peak-to-valley depth of the gratings.
     coherence_um : float
         Width 4 sigma_s of the coherence window; 65 um for sunlight.
+    width_mm : float
+        Width of the sheet where the maps do not know their pixel pitch.
     wavelength_step_nm : float
         Step of the spectral sum.
     white_percentile : float
@@ -58,7 +64,7 @@ def point_light(
     Raises
     ------
     InputError
-        The maps differ in shape, or their pixel pitch is not known.
+        The maps differ in shape.
 
     Notes
     -----
@@ -68,7 +74,12 @@ def point_light(
         raise InputError("the maps of orientation and period differ in shape")
     pixel_mm = orientation.pixel_mm or period.pixel_mm
     if pixel_mm is None:
-        raise InputError("the maps' pixel pitch is not known", expected="pixel_mm in capture.yaml, or rig.pixel_mm")
+        pixel_mm = width_mm / orientation.orientation_rad.shape[1]
+        _log.warning(
+            "the pixel pitch is not known: the sheet is rendered as %g mm wide; rig.pixel_mm or pixel_mm in capture.yaml "
+            "state it",
+            width_mm,
+        )
     rgb = render_sheet(
         orientation.orientation_rad,
         period.period_um,
@@ -86,5 +97,5 @@ def point_light(
         light_mm=np.asarray(lights_mm, dtype=np.float64),
         camera_mm=np.asarray(camera_mm, dtype=np.float64),
         pixel_mm=pixel_mm,
-        caption="Rendered from the measured maps",
+        caption="Rendered: the measured maps under the same light",
     )
