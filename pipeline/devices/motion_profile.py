@@ -1,4 +1,4 @@
-"""Motion of an axis that may neither jump in speed nor exceed it: the trapezoidal profile of CiA 402's position mode."""
+"""Motion of an axis that may not jump in speed: the trapezoidal profile of CiA 402's position mode."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """A drive that exists only in software: a CANopen node with the CiA 402 state machine and a profile-position motor.
 
-It answers on a python-can bus like a drive on a cable: SDO, NMT, heartbeat and emergencies come from ``canopen.LocalNode``,
-its objects from the EDS beside this file; state machine, set-points and motion are here. Its clock may run faster than
-ours, so that a simulated run need not wait for a motor.
+It answers on a python-can bus like a drive on a cable: SDO, NMT, heartbeat and emergencies come from
+``canopen.LocalNode``, its objects from the EDS beside this file; state machine, set-points and motion are here. Its clock
+may run faster than ours, so that a simulated run need not wait for a motor.
 """
 
 from __future__ import annotations
@@ -155,20 +155,19 @@ class SimulatedDrive:
         )
 
     def _update(self) -> None:
-        """Let faults strike in the middle of a move."""
-        moved = self._now() - self._move.began_s
-        if self._state != "operation enabled" or moved < self._move.duration_s / 2:
+        """Let faults strike in the middle of a move, even where nobody looked until it would have been over."""
+        middle = self._move.began_s + self._move.duration_s / 2
+        if self._state != "operation enabled" or self._move.duration_s == 0 or self._now() < middle:
             return
+        here = self._move.position(middle)
         if self.fault == "stall":
-            here = self._move.position(self._move.began_s + self._move.duration_s / 2)
             self._move = TrapezoidalMove(here, here, 1, 1, float("inf"))
-        elif self.fault in EMERGENCIES and not self._move.finished(self._now()):
+        elif self.fault in EMERGENCIES:
+            self._move = TrapezoidalMove(here, here, 1, 1, 0)
             self._fail(EMERGENCIES[self.fault])
 
     def _fail(self, code: int) -> None:
         self._state, self._error_code = "fault", code
-        here = self._move.position(self._now())
-        self._move = TrapezoidalMove(here, here, 1, 1, 0)
         self._node.emcy.send(code, register=0x21 if code == EMERGENCIES["following error"] else 0x03)
 
     def _statusword(self) -> int:

@@ -7,13 +7,13 @@ import numpy as np
 import OpenImageIO as oiio
 import polanalyser
 import pytest
+from polarization import at_centres, facets, photographed
 
 import pipeline.stages.align.register as module
 from pipeline.data import PolarizerSequence
 from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.stages.align.register import register
 from pipeline.stages.fit.cosine import cosine
-from tests.stages.polarization import at_centres, facets, photographed
 
 TWELVE = np.arange(12) * np.pi / 12
 ORIENTATION, PERIOD = facets()
@@ -105,10 +105,10 @@ def test_opencv_on_the_intensities_does_worse(found):
 @pytest.mark.parametrize("method", ["ecc", "phase_correlation"])
 def test_opencv_finds_the_shift_where_the_contrast_stays(method, found):
     one = photographed(ORIENTATION, PERIOD, TWELVE[:1], electrons=1e5)
-    shifted = photographed(ORIENTATION, PERIOD, TWELVE[:1], shifts_px=[(0.6, -0.4)], electrons=1e5, seed=1)
+    shifted = photographed(ORIENTATION, PERIOD, TWELVE[:1], shifts_px=[(3.0, -2.0)], electrons=1e5, seed=1)
     pair = dataclasses.replace(one, images=np.concatenate([one.images, shifted.images]), polarizer_rad=TWELVE[:2])
     register(pair, method=method)
-    np.testing.assert_allclose(found[0].shift_px[1], (0.6, -0.4), atol=0.1)
+    np.testing.assert_allclose(found[0].shift_px[1], (3.0, -2.0), atol=0.1)
 
 
 def test_none_hands_the_photographs_on():
