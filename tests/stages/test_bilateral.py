@@ -98,7 +98,8 @@ def test_turning_the_scene_turns_the_result():
     theta = noisy(np.linspace(0, 3, 47)[None] * np.ones((31, 1)), 4)
     straight = bilateral(orientation_map(theta), adaptive=False).orientation_rad
     offset = bilateral(orientation_map(np.mod(theta + 1.0, np.pi)), adaptive=False).orientation_rad
-    assert np.abs(axial_difference(offset, straight + 1.0)).max() < 1e-4
+    # Ten iterations of float32, in which neighbours that pull each other amplify the rounding.
+    assert np.abs(axial_difference(offset, straight + 1.0)).max() < 1e-3
     quarter = bilateral(orientation_map(np.rot90(np.mod(theta + np.pi / 2, np.pi))), adaptive=False).orientation_rad
     difference = np.abs(axial_difference(np.rot90(quarter, -1), straight + np.pi / 2))
     assert np.quantile(difference, 0.99) < 1e-4  # a tie between two pivots may fall either way

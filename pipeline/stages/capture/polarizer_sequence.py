@@ -68,7 +68,8 @@ def polarizer_sequence(
             rig.light.switch(False)
     stack = np.stack(images).astype(np.float32, copy=False)
     burnt = np.logical_or.reduce(saturated)
-    if burnt.mean() > SATURATION_WARNING:
+    warns_itself = hasattr(rig, "saturation_warning")
+    if burnt.mean() > SATURATION_WARNING and not warns_itself:
         log.warning("%.2f percent of the pixels are saturated in some photo and left out", 100 * burnt.mean())
     valid = ~burnt & np.isfinite(stack).all(axis=0)
     mask = getattr(rig, "mask", None)

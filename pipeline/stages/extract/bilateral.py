@@ -80,7 +80,7 @@ def bilateral(
     sigma_rad = np.deg2rad(sigma_theta_deg)
     if adaptive:
         sigma_rad = _narrowed(theta, sigma_rad)
-    steepness = float(1 / (4 * min(np.sin(min(sigma_rad, np.pi / 2)) ** 2, 1.0)))
+    steepness = float(1 / np.sin(min(2 * sigma_rad, np.pi / 2)) ** 2)
     reach = int(np.ceil(2.5 * sigma_pixel))
     offset = np.arange(-reach, reach + 1)
     spatial = np.exp(-(offset[:, None] ** 2 + offset**2) / (2 * sigma_pixel**2)).astype(np.float32)

@@ -1,0 +1,116 @@
+"""The virtual bench: what is photographed is the forward model, plus exactly the imperfections that were asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.data import GratingSample
+from pipeline.devices.protocols import PolarizationRig
+from pipeline.devices.rotation_mount import SimulatedRotationMount
+from pipeline.devices.simulated import Camera, Panel, PolarizationBench
+from pipeline.errors import InputError
+from pipeline.optics.jones import polarizer_response
+from pipeline.stages.capture.polarizer_sequence import polarizer_sequence
+
+PERFECT = {"read_noise_electrons": 0.0, "shot_noise": False, "bits": None, "blur_mm": 0.0, "shift_px": 0.0}
+
+
+def halves(size: int = 90) -> GratingSample:
+    """Left half at 20 degrees with the longest period, right half at 110 with half of it, ground above."""
+    orientation = np.full((size, size), np.deg2rad(20), np.float32)
+    orientation[:, size // 2 :] = np.deg2rad(110)
+    period = np.where(orientation < 1, 1.4, 0.7).astype(np.float32)
+    orientation[: size // 3] = period[: size // 3] = np.nan
+    return GratingSample(orientation, period, 0.01, 0.12, 1.1, 0.8, 0.05, 0.0, 0.03, "halves")
+
+
+def bench(**camera) -> PolarizationBench:
+    return PolarizationBench(
+        camera=Camera(pixel_mm=0.03, **{**PERFECT, **camera}), mount=SimulatedRotationMount(), light=Panel()
+    )
+
+
+def test_it_is_a_rig() -> None:
+    assert isinstance(bench(), PolarizationRig)
+
+
+def test_a_perfect_camera_sees_the_forward_model() -> None:
+    sample = halves()
+    photos = polarizer_sequence(sample, rig=bench(electrons=10_000.0, full_well_electrons=25_000.0), count=5)
+    assert photos.images.shape == (5, 30, 30)
+    settings = {"amplitude_ratio": 1.1, "phase_rad": 0.8, "retardation_rad": 0.05}
+    for image, psi in zip(photos.images, photos.polarizer_rad, strict=True):
+        long = 0.4 * polarizer_response(psi, np.deg2rad(20), **settings)
+        short = 0.4 / 4 * polarizer_response(psi, np.deg2rad(110), **settings)
+        assert image[20, 5] == pytest.approx(long, rel=1e-5)
+        assert image[20, 25] == pytest.approx(short, rel=1e-5)
+        assert image[2, 5] == pytest.approx(0.4 * 0.03, rel=1e-5)
+
+
+def test_the_capture_says_what_it_took() -> None:
+    photos = polarizer_sequence(halves(), rig=bench(exposure_s=0.5), count=4)
+    np.testing.assert_allclose(np.rad2deg(photos.polarizer_rad), [0, 45, 90, 135], atol=1e-3)
+    assert (photos.pixel_mm, photos.wavelength_nm) == (0.03, 530.0)
+    assert photos.exposure_s == (0.5,) * 4
+    assert photos.valid.all()
+    assert photos.images.dtype == np.float32
+
+
+def test_quantised_photos_hold_whole_counts() -> None:
+    photos = polarizer_sequence(halves(), rig=bench(bits=10, shot_noise=True), count=3)
+    counts = photos.images.astype(np.float64) * 1023
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-3)
+
+
+def test_the_same_seed_gives_the_same_photos_and_another_does_not() -> None:
+    noisy = {"shot_noise": True, "shift_px": 0.5}
+    one, same, other = (polarizer_sequence(halves(), rig=bench(**noisy, seed=s), count=3).images for s in (1, 1, 2))
+    np.testing.assert_array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
+def test_the_hand_moves_every_photo_but_the_first() -> None:
+    rig = bench(shift_px=0.5, seed=3)
+    polarizer_sequence(halves(), rig=rig, count=12)
+    shifts = np.array(rig.camera.shifts_px)
+    assert (shifts[0] == 0).all()
+    assert (np.abs(shifts[1:]) > 0).all()
+    assert shifts[1:].std() == pytest.approx(0.5, rel=0.4)
+
+
+def test_saturation_is_left_out_and_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    photos = polarizer_sequence(halves(), rig=bench(electrons=24_000.0, full_well_electrons=25_000.0), count=6)
+    assert not photos.valid[20, 5]
+    assert photos.valid[20, 25]
+    assert "percent of the pixels are saturated" in caplog.text
+
+
+def test_the_panel_is_off_outside_the_capture() -> None:
+    rig = bench()
+    polarizer_sequence(halves(), rig=rig, count=3)
+    assert rig.light.present_radiance == 0
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_two_angles_are_too_few(count: int) -> None:
+    with pytest.raises(InputError, match=f"{count} photographs at {count} distinct angles"):
+        polarizer_sequence(halves(), rig=bench(), count=count)
+
+
+def test_half_a_turn_apart_is_the_same_angle() -> None:
+    with pytest.raises(InputError, match="4 photographs at 2 distinct angles"):
+        polarizer_sequence(halves(), rig=bench(), count=4, span_deg=360)
+
+
+def test_the_sample_has_to_fit_the_camera() -> None:
+    rig = PolarizationBench(camera=Camera(pixel_mm=0.02), mount=SimulatedRotationMount(), light=Panel())
+    with pytest.raises(InputError, match="2 times the sample's"):
+        rig.place(halves())
+
+
+def test_nothing_can_be_photographed_without_a_sample() -> None:
+    with pytest.raises(InputError, match="the simulated bench has no sample"):
+        bench().place(None)
+    with pytest.raises(InputError, match="nothing stands before the simulated camera"):
+        Camera().expose()

@@ -1,0 +1,141 @@
+"""A sheet under a small light: places, colours, and the photograph beside the rendering."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import jv
+
+from pipeline.data import OrientationMap, PeriodMap
+from pipeline.errors import InputError
+from pipeline.optics.colour import white_balanced_weights
+from pipeline.stages.capture.point_light import point_light as photograph
+from pipeline.stages.render.point_light import point_light as render
+from pipeline.stages.simulate.logo import logo
+
+SMALL = {"camera_mm": [0.0, 0.0, 500.0], "light_sigma_mm": 4.0, "coherence_um": 65.0}
+
+
+def maps(orientation_deg: float, period_um: float = 1.2, size: int = 3) -> tuple[OrientationMap, PeriodMap]:
+    angle = np.full((size, size), np.deg2rad(orientation_deg), np.float32)
+    mask = np.ones((size, size), bool)
+    return (
+        OrientationMap(angle, angle, angle, mask, 0.01),
+        PeriodMap(np.full((size, size), period_um, np.float32), mask, 0.01),
+    )
+
+
+def light(azimuth_deg: float, inclination: float = 0.45, distance: float = 400.0) -> list[float]:
+    """A light whose half vector has the in-plane length ``inclination`` towards an azimuth."""
+    a = np.deg2rad(azimuth_deg)
+    return [
+        distance * inclination * np.cos(a),
+        distance * inclination * np.sin(a),
+        distance * np.sqrt(1 - inclination**2),
+    ]
+
+
+def brightness(orientation_deg: float, lights: list[list[float]], **settings) -> np.ndarray:
+    series = render(*maps(orientation_deg), lights_mm=lights, white_percentile=100.0, **{**SMALL, **settings})
+    return series.rgb.max(axis=-1)[:, 1, 1]
+
+
+def test_a_grating_lights_up_towards_its_tangent_anticlockwise_from_x() -> None:
+    azimuths = [-30.0, 0.0, 30.0, 60.0, 90.0, 120.0, 150.0]
+    for orientation in (0.0, 30.0, 120.0):
+        shine = brightness(orientation, [light(a) for a in azimuths])
+        assert azimuths[int(np.argmax(shine))] % 180 == orientation
+        assert np.sort(shine)[-2] < 0.01 * shine.max() or orientation == 150.0
+
+
+def test_half_a_turn_of_the_light_shows_the_same() -> None:
+    here, there = brightness(30.0, [light(30), light(210)])
+    assert there == pytest.approx(here, rel=1e-6)
+
+
+@pytest.mark.parametrize(("u", "channel"), [(0.46 / 1.2, 2), (0.535 / 1.2, 1), (0.63 / 1.2, 0)])
+def test_the_colour_is_that_of_the_grating_equation(u: float, channel: int) -> None:
+    series = render(*maps(0.0), lights_mm=[light(0.0, u)], **SMALL)
+    assert np.argmax(series.rgb[0, 1, 1]) == channel
+
+
+def test_a_pixel_is_the_plain_sum_over_wavelengths_and_orders() -> None:
+    """The same sum written out with NumPy for one pixel at the origin, in double precision."""
+    place = np.array(light(10.0, 0.4))
+    period, depth, sigma = 1.3, 0.2, 6.0
+    series = render(
+        *maps(0.0, period, size=1),
+        lights_mm=[place.tolist(), light(0.0, 0.4)],
+        depth_um=depth,
+        white_percentile=100.0,
+        **{**SMALL, "light_sigma_mm": sigma},
+    )
+    nm, weights = white_balanced_weights("D65", 5.0)
+    wavelength = nm / 1000
+
+    def colour(point: np.ndarray) -> np.ndarray:
+        distance = np.linalg.norm(point)
+        i, r = point / distance, np.array([0.0, 0.0, 1.0])
+        u, v, w = i + r
+        spread = wavelength / (2 * np.pi * np.sqrt(2) * 65 / 4)
+        variance = spread**2 + (sigma / distance) ** 2
+        total = np.zeros_like(wavelength)
+        for m in range(-6, 7):
+            lobe = np.exp(-((u - m * wavelength / period) ** 2 + v**2) / (2 * variance)) * spread**2 / variance
+            total += lobe * jv(m, 2 * np.pi / wavelength * w * depth / 2) ** 2
+        geometry = (1 + i @ r) ** 2 / w**2 * (500 / distance) ** 2
+        return geometry * (total / wavelength**2) @ weights
+
+    expected = np.array([colour(np.array(p)) for p in series.light_mm])
+    found = series.rgb[:, 0, 0]
+    np.testing.assert_allclose(found / found.max(), expected / expected.max(), atol=2e-3)
+
+
+def test_a_wider_light_spreads_its_lobe() -> None:
+    azimuths = [light(a) for a in (0, 4)]
+    narrow = brightness(0.0, azimuths, light_sigma_mm=2.0)
+    wide = brightness(0.0, azimuths, light_sigma_mm=20.0)
+    assert wide[1] / wide[0] > 5 * narrow[1] / narrow[0]
+
+
+def test_masked_pixels_stay_dark() -> None:
+    orientation, period = maps(0.0)
+    orientation.orientation_rad[0, 0] = np.nan
+    series = render(orientation, period, lights_mm=[light(0.0)], **SMALL)
+    assert (series.rgb[0, 0, 0] == 0).all()
+    assert series.rgb[0, 1, 1].max() > 0
+
+
+def test_maps_that_do_not_match_are_refused() -> None:
+    with pytest.raises(InputError, match="differ in shape"):
+        render(maps(0.0)[0], maps(0.0, size=4)[1], lights_mm=[light(0.0)])
+
+
+def test_without_a_pitch_the_width_is_assumed_and_said(caplog: pytest.LogCaptureFixture) -> None:
+    orientation, period = maps(0.0)
+    bare = OrientationMap(orientation.orientation_rad, period.period_um, period.period_um, orientation.mask)
+    series = render(bare, PeriodMap(period.period_um, period.mask), lights_mm=[light(0.0)], width_mm=15.0)
+    assert series.pixel_mm == pytest.approx(5.0)
+    assert "rendered as 15 mm wide" in caplog.text
+
+
+def test_the_photograph_shows_what_the_rendering_of_the_truth_shows() -> None:
+    sample = logo(pixel_mm=0.04)
+    lights = [light(0.0), light(60.0)]
+    photo = photograph(sample, lights_mm=lights, pixel_mm=0.12, blur_mm=0.0)
+    centre = slice(1, None, 3)
+    truth = sample.orientation_rad[centre, centre]
+    mask = np.isfinite(truth)
+    rendered = render(
+        OrientationMap(truth, truth, truth, mask, 0.12),
+        PeriodMap(sample.period_um[centre, centre], mask, 0.12),
+        lights_mm=lights,
+    )
+    assert photo.rgb.shape == rendered.rgb.shape
+    shown = np.clip(rendered.rgb, 0, 1).ravel()
+    assert np.corrcoef(photo.rgb.ravel(), shown)[0, 1] > 0.97
+
+
+def test_the_camera_has_to_fit_the_sample() -> None:
+    with pytest.raises(InputError, match="4 times the sample's"):
+        photograph(logo(pixel_mm=0.05), lights_mm=[light(0.0)], pixel_mm=0.2)
