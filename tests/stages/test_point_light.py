@@ -7,6 +7,7 @@ import pytest
 from scipy.special import jv
 
 from pipeline.data import OrientationMap, PeriodMap
+from pipeline.devices.virtual_light import render_sheet, render_supersampled
 from pipeline.errors import InputError
 from pipeline.optics.colour import white_balanced_weights
 from pipeline.stages.capture.point_light import point_light as photograph
@@ -134,6 +135,24 @@ def test_the_photograph_shows_what_the_rendering_of_the_truth_shows() -> None:
     assert photo.rgb.shape == rendered.rgb.shape
     shown = np.clip(rendered.rgb, 0, 1).ravel()
     assert np.corrcoef(photo.rgb.ravel(), shown)[0, 1] > 0.97
+
+
+def test_supersampling_where_facets_meet_is_supersampling_everywhere() -> None:
+    sample = logo(pixel_mm=0.04)
+    settings = {
+        "pixel_mm": 0.04,
+        "lights_mm": np.array([light(0.0), light(60.0)]),
+        "camera_mm": np.array([0.0, 0.0, 500.0]),
+        "light_sigma_mm": 12.0,
+        "illuminant": "D65",
+        "depth_um": 0.12,
+        "coherence_um": 65.0,
+        "wavelength_step_nm": 5.0,
+    }
+    everywhere = render_sheet(sample.orientation_rad, sample.period_um, **settings)
+    found = render_supersampled(sample.orientation_rad, sample.period_um, ratio=3, **settings)
+    assert np.abs(found - everywhere).max() < 0.01 * everywhere.max()
+    assert np.abs(found.mean() - everywhere.mean()) < 1e-4 * everywhere.mean()
 
 
 def test_the_camera_has_to_fit_the_sample() -> None:

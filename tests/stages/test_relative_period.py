@@ -29,9 +29,7 @@ def test_a_quarter_of_the_light_is_half_the_period():
 
 def test_dust_and_noise_do_not_set_the_longest_period(caplog):
     rng = np.random.default_rng(0)
-    intensity = (
-        np.where(np.arange(100) < 60, 0.4, 0.7) * np.ones((100, 1)) * (1 + 0.02 * rng.standard_normal((100, 100)))
-    )
+    intensity = np.where(np.arange(100) < 60, 0.4, 0.7) * (1 + 0.02 * rng.standard_normal((100, 100)))
     intensity[rng.random((100, 100)) < 0.005] = 1.0
     with caplog.at_level(logging.INFO):
         found = relative_period(brightness(intensity), longest_um=1.0, median_radius=0)

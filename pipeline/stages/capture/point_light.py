@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.data import GratingSample, PictureSeries
-from pipeline.devices.virtual_light import render_sheet, white_level
+from pipeline.devices.virtual_light import render_supersampled, white_level
 from pipeline.errors import InputError
 from pipeline.optics.imaging import area_average, seen_by_lens, sensor_signal
 
@@ -30,7 +30,7 @@ def point_light(
 ) -> PictureSeries:
     """Photograph a virtual sample in colour under a light that is carried around it.
 
-    The true sample is rendered on its own fine grid, blurred by the lens, collected by the camera's pixels, and passed
+    The true sample is rendered on its own fine grid where facets meet, blurred by the lens, collected by the camera's pixels, and passed
     through noise, saturation and quantisation.
 
     Parameters
@@ -76,12 +76,14 @@ def point_light(
         )
     lights = np.asarray(lights_mm, dtype=np.float64)
     camera = np.asarray(camera_mm, dtype=np.float64)
+    rows, columns = (length // ratio * ratio for length in sample.orientation_rad.shape)
     pictures = []
     for light in lights:
-        scene = render_sheet(
-            sample.orientation_rad,
-            sample.period_um,
+        scene = render_supersampled(
+            sample.orientation_rad[:rows, :columns],
+            sample.period_um[:rows, :columns],
             pixel_mm=sample.pixel_mm,
+            ratio=ratio,
             lights_mm=light[None],
             camera_mm=camera,
             light_sigma_mm=light_sigma_mm,
