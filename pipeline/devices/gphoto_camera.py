@@ -265,7 +265,7 @@ def _rank(name: str) -> int:
 def _as_type_of(before: Any, value: str) -> Any:
     """The value as libgphoto2 holds settings of this type: text, whole number or number."""
     if isinstance(before, int):
-        return {"on": 1, "true": 1, "off": 0, "false": 0}[value.lower()] if value.isalpha() else int(value)
+        return {"on": 1, "true": 1, "off": 0, "false": 0}.get(value.lower()) or int(value)
     return float(value) if isinstance(before, float) else value
 
 

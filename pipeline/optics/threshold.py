@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
 
@@ -54,10 +54,11 @@ class TwoModes:
 def two_modes(intensity: ArrayLike) -> TwoModes:
     """Cut the logarithm of ``intensity`` in two and say how well that describes it.
 
-    Otsu's cut separates the classes. The threshold is then moved down, never up, to half way in intensity between
-    the dark mode and the lowest mode of the bright class: half way up the blurred edge of the dimmest kind of facet,
-    so that facets of short period, which are dim, are kept. NaN are left out; of more than a million values every n-th
-    is looked at.
+    Otsu's cut separates two classes and says how well two classes describe the histogram. The threshold itself lies half
+    way in intensity between the darkest mode and the next one that stands apart from it (three times as bright or more,
+    with a valley between): half way up the blurred edge of the dimmest kind of facet, since facets of short period are
+    dim and Otsu's cut may leave them with the ground. Without such a mode it is Otsu's cut. NaN are left out; of more
+    than a million values every n-th is looked at.
 
     References
     ----------
@@ -79,7 +80,8 @@ def two_modes(intensity: ArrayLike) -> TwoModes:
     weight, moment = np.cumsum(share), np.cumsum(share * centre)
     mean = moment[-1]
     between = (mean * weight - moment) ** 2 / np.maximum(weight * (1 - weight), 1e-12)
-    cut = int(np.argmax(between[:-1]))
+    # In an empty gap the criterion is flat: the cut goes to its middle.
+    cut = int(np.mean(np.flatnonzero(between[:-1] >= (1 - 1e-9) * between[:-1].max())))
     separability = float(between[cut] / np.sum(share * (centre - mean) ** 2))
     ratio = float(np.exp((mean - moment[cut]) / (1 - weight[cut]) - moment[cut] / weight[cut]))
 
@@ -87,8 +89,19 @@ def two_modes(intensity: ArrayLike) -> TwoModes:
     dark = int(np.argmax(smooth[: cut + 1]))
     bright = cut + 1 + int(np.argmax(smooth[cut + 1 :]))
     valley = float(smooth[dark : bright + 1].min() / min(smooth[dark], smooth[bright]))
-    peaks, _ = find_peaks(np.append(smooth, 0.0), prominence=0.1 * smooth[bright])
-    dimmest = min((int(p) for p in peaks if p > cut), default=bright)
-    half_way = (np.exp(centre[dark]) + np.exp(centre[dimmest])) / 2
-    threshold = float(min(np.exp(edges[cut + 1]), half_way))
+    threshold = _half_way(smooth, centre)
+    if threshold is None:
+        threshold = float(np.exp(edges[cut + 1]))
     return TwoModes(threshold, separability, valley, ratio, float(np.mean(values < threshold)))
+
+
+def _half_way(smooth: NDArray[np.float64], centre: NDArray[np.float64]) -> float | None:
+    """Intensity half way between the darkest mode and the next one that stands apart from it; None without one."""
+    peaks, _ = find_peaks(np.concatenate([[0.0], smooth, [0.0]]), prominence=0.03 * smooth.max())
+    modes = peaks - 1
+    for mode in modes[1:]:
+        ground = modes[0]
+        valley = smooth[ground : mode + 1].min() / min(smooth[ground], smooth[mode])
+        if valley <= _DEEPEST_VALLEY and centre[mode] - centre[ground] >= np.log(_LEAST_RATIO):
+            return float((np.exp(centre[ground]) + np.exp(centre[mode])) / 2)
+    return None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,8 +18,8 @@ NAME = r"camera Nikon DSC D750 on usb:001,001"
 
 
 @pytest.fixture
-def virtual(tmp_path: Path) -> Iterator[VirtualCamera]:
-    with connected(tmp_path / "camera") as camera:
+def virtual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VirtualCamera]:
+    with connected(tmp_path_factory.getbasetemp()) as camera:
         camera.sees_grey(128)
         yield camera
 
@@ -76,7 +75,7 @@ def test_a_guessed_tone_curve_is_warned_of_once(virtual: VirtualCamera, caplog: 
         camera.expose()
         camera.expose()
     assert [r.getMessage() for r in caplog.records] == [
-        "camera Nikon DSC D750 on usb:001,001 delivers .jpg, whose tone curve is only guessed: set it to raw"
+        "camera Nikon DSC D750 on usb:001,001 delivers .JPG, whose tone curve is only guessed: set it to raw"
     ]
 
 
@@ -135,16 +134,23 @@ def test_two_cameras_must_be_told_apart(virtual: VirtualCamera, monkeypatch: pyt
         def get_value(self, index: int) -> str:
             return f"usb:001,00{index + 1}"
 
-    monkeypatch.setattr(gphoto2.Camera, "autodetect", staticmethod(Two))
+    class Bus:
+        Camera = type("Camera", (), {"autodetect": staticmethod(Two), "__new__": lambda _: whole.Camera()})
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(whole, name)
+
+    whole = gphoto2
+    monkeypatch.setitem(sys.modules, "gphoto2", Bus())
     with pytest.raises(DeviceError, match=r"several cameras fit \(Nikon DSC D750 on usb:001,001, Nikon DSC D850"):
         GphotoCamera(model="nikon").__enter__()
     with GphotoCamera(model="750") as camera:
         assert camera.name == NAME
 
 
-def test_no_camera_at_all(tmp_path: Path) -> None:
+def test_no_camera_at_all(tmp_path_factory: pytest.TempPathFactory) -> None:
     with (
-        connected(tmp_path / "none", cameras=False),
+        connected(tmp_path_factory.getbasetemp(), cameras=False),
         pytest.raises(DeviceError, match="camera is not connected; no camera is: are its cable, power and USB mode"),
         GphotoCamera(),
     ):
@@ -152,7 +158,7 @@ def test_no_camera_at_all(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_no_photo_is_named(virtual: VirtualCamera) -> None:
-    (virtual.folder / "DCIM" / "seen.jpg").write_bytes(b"no photo at all")
+    virtual.delivers(b"no photo at all")
     with GphotoCamera() as camera, pytest.raises(DeviceError, match=rf"{NAME}: what it delivered as GPH_\d+\.JPG"):
         camera.expose()
 

@@ -41,7 +41,7 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
         Least mean intensity (full scale 1) of a pixel that diffracts. By default it is found from the histogram of the
         logarithm of the mean intensity: used where that has two distinct modes (Otsu's cut explains 80 percent of the
         variance or more, the valley is at most half as high as the lower mode, the bright class is three times as
-        bright), half way between the dark mode and the lowest bright one; otherwise all valid pixels are kept.
+        bright), half way between the dark mode and the next that stands apart; otherwise all valid pixels are kept.
 
     Returns
     -------

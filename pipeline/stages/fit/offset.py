@@ -27,7 +27,7 @@ _PEAKS_APART_DEG = 10.0
 def offset(
     orientation: OrientationMap,
     period: PeriodMap,
-    photos: PictureSeries,
+    photos: PictureSeries | None = None,
     *,
     light_sigma_mm: float = 12.0,
     coherence_um: float = 65.0,
@@ -48,8 +48,8 @@ def offset(
     ----------
     orientation, period : OrientationMap, PeriodMap
         Of shape (M, N).
-    photos : PictureSeries
-        Of shape (L, M, N, 3), from the same place as the maps' photographs, with light and camera known.
+    photos : PictureSeries, optional
+        Without any the map is given back as it is. Of shape (L, M, N, 3), from the same place as the maps' photographs, with light and camera known.
     light_sigma_mm : float
         Standard deviation of the light's extent.
     coherence_um : float
@@ -77,6 +77,9 @@ def offset(
     Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
     sections 4.3 and 5.3.
     """
+    if photos is None:
+        _log.info("No photographs under a small light: the offset stays unknown.")
+        return orientation
     half, spread, theta, pitch_um, observed = _compared(
         orientation, period, photos, light_sigma_mm, coherence_um, samples
     )
