@@ -21,6 +21,7 @@ log = logging.getLogger(__name__)
 
 _INSTALL = "pip install optibench[lab]"
 _SETTLE_S, _SETTLE_POLL_S = 2.0, 0.05
+_SWITCH = {"on": 1, "true": 1, "off": 0, "false": 0}
 _STATED = {
     "make": ("manufacturer",),
     "serial": ("serialnumber", "eosserialnumber"),
@@ -152,19 +153,10 @@ class GphotoCamera:
             log.warning("%s", failure)
 
     def _found(self, gphoto2: Any) -> tuple[str, str]:
-        """Model and port of the one connected camera that is meant."""
         with self._talking("cannot be looked for"):
             found = gphoto2.Camera.autodetect()
             there = [(found.get_name(i), found.get_value(i)) for i in range(found.count())]
-        meant = [c for c in there if self.model.lower() in c[0].lower() and self.port in ("", c[1])]
-        if len(meant) == 1:
-            return meant[0]
-        listed = ", ".join(f"{model} on {port}" for model, port in meant or there)
-        if meant:
-            raise DeviceError(f"{self.name}: several cameras fit ({listed}): name one by its model or port")
-        wanted = self.name + (f" on {self.port}" if self.port else "")
-        where = f"connected is {listed}" if there else "no camera is: are its cable, power and USB mode (PTP) right?"
-        raise DeviceError(f"{wanted} is not connected; {where}")
+        return _meant(there, self.model, self.port)
 
     def _further_files(self) -> Iterator[tuple[str, str]]:
         """Files that the camera announces beside the first, such as the JPEG of a raw photo."""
@@ -249,6 +241,19 @@ class GphotoCamera:
             raise DeviceError(f"{self.name} {complaint}: {error.string} (libgphoto2 error {error.code})") from error
 
 
+def _meant(there: list[tuple[str, str]], model: str, port: str) -> tuple[str, str]:
+    """Model and port of the one connected camera that the settings mean."""
+    meant = [camera for camera in there if model.lower() in camera[0].lower() and port in ("", camera[1])]
+    if len(meant) == 1:
+        return meant[0]
+    wanted = f"camera {model}".strip() + (f" on {port}" if port else "")
+    listed = ", ".join(f"{other} on {place}" for other, place in meant or there)
+    if meant:
+        raise DeviceError(f"{wanted}: several cameras fit ({listed}): name one by its model or port")
+    where = f"connected is {listed}" if there else "no camera is: are its cable, power and USB mode (PTP) right?"
+    raise DeviceError(f"{wanted} is not connected; {where}")
+
+
 def _leaves(widget: Any) -> Iterator[Any]:
     if widget.count_children() == 0:
         yield widget
@@ -265,7 +270,7 @@ def _rank(name: str) -> int:
 def _as_type_of(before: Any, value: str) -> Any:
     """The value as libgphoto2 holds settings of this type: text, whole number or number."""
     if isinstance(before, int):
-        return {"on": 1, "true": 1, "off": 0, "false": 0}.get(value.lower()) or int(value)
+        return _SWITCH[value.lower()] if value.lower() in _SWITCH else int(value)
     return float(value) if isinstance(before, float) else value
 
 

@@ -12,8 +12,8 @@ from scipy.signal import find_peaks
 _BINS = 256
 _MOST_SAMPLES = 1_000_000
 _SMOOTHING_BINS = 4.0
-_LEAST_SEPARABILITY = 0.8
-_DEEPEST_VALLEY = 0.5
+_LEAST_SEPARABILITY = 0.85
+_HIGHEST_VALLEY = 0.1
 _LEAST_RATIO = 3.0
 
 
@@ -34,7 +34,7 @@ class TwoModes:
     below : float
         Share of the pixels below the threshold.
     distinct : bool
-        Separability of 0.8 or more, a valley of 0.5 or less and a ratio of 3 or more.
+        Separability of 0.85 or more, a valley of 0.1 or less and a ratio of 3 or more.
     """
 
     threshold: float
@@ -47,18 +47,18 @@ class TwoModes:
     def distinct(self) -> bool:
         """Whether the histogram has two modes far enough apart to be called ground and print."""
         return (
-            self.separability >= _LEAST_SEPARABILITY and self.valley <= _DEEPEST_VALLEY and self.ratio >= _LEAST_RATIO
+            self.separability >= _LEAST_SEPARABILITY and self.valley <= _HIGHEST_VALLEY and self.ratio >= _LEAST_RATIO
         )
 
 
 def two_modes(intensity: ArrayLike) -> TwoModes:
     """Cut the logarithm of ``intensity`` in two and say how well that describes it.
 
-    Otsu's cut separates two classes and says how well two classes describe the histogram. The threshold itself lies half
-    way in intensity between the darkest mode and the next one that stands apart from it (three times as bright or more,
-    with a valley between): half way up the blurred edge of the dimmest kind of facet, since facets of short period are
-    dim and Otsu's cut may leave them with the ground. Without such a mode it is Otsu's cut. NaN are left out; of more
-    than a million values every n-th is looked at.
+    Otsu's cut separates two classes and says how well two describe the histogram. The threshold itself lies half way in
+    intensity between the darkest mode and the next one that stands apart from it (three times as bright or more, with a
+    valley between): half way up the blurred edge of the dimmest kind of facet, since facets of short period are dim and
+    Otsu's cut may leave them with the ground. It is never above Otsu's cut. NaN are left out; of more than a million
+    values every n-th is looked at.
 
     References
     ----------
@@ -89,19 +89,17 @@ def two_modes(intensity: ArrayLike) -> TwoModes:
     dark = int(np.argmax(smooth[: cut + 1]))
     bright = cut + 1 + int(np.argmax(smooth[cut + 1 :]))
     valley = float(smooth[dark : bright + 1].min() / min(smooth[dark], smooth[bright]))
-    threshold = _half_way(smooth, centre)
-    if threshold is None:
-        threshold = float(np.exp(edges[cut + 1]))
+    threshold = min(_half_way(smooth, centre), float(np.exp(edges[cut + 1])))
     return TwoModes(threshold, separability, valley, ratio, float(np.mean(values < threshold)))
 
 
-def _half_way(smooth: NDArray[np.float64], centre: NDArray[np.float64]) -> float | None:
-    """Intensity half way between the darkest mode and the next one that stands apart from it; None without one."""
+def _half_way(smooth: NDArray[np.float64], centre: NDArray[np.float64]) -> float:
+    """Intensity half way between the darkest mode and the next one that stands apart from it; infinite without one."""
     peaks, _ = find_peaks(np.concatenate([[0.0], smooth, [0.0]]), prominence=0.03 * smooth.max())
     modes = peaks - 1
     for mode in modes[1:]:
         ground = modes[0]
         valley = smooth[ground : mode + 1].min() / min(smooth[ground], smooth[mode])
-        if valley <= _DEEPEST_VALLEY and centre[mode] - centre[ground] >= np.log(_LEAST_RATIO):
+        if valley <= _HIGHEST_VALLEY and centre[mode] - centre[ground] >= np.log(_LEAST_RATIO):
             return float((np.exp(centre[ground]) + np.exp(centre[mode])) / 2)
-    return None
+    return float("inf")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from virtual_camera import COLUMNS, ROWS, VirtualCamera, connected
 
-from pipeline.devices.gphoto_camera import GphotoCamera, _rank, _seconds
+from pipeline.devices.gphoto_camera import GphotoCamera, _meant, _rank, _seconds
 from pipeline.devices.protocols import Camera
 from pipeline.errors import DeviceError, InputError
 
@@ -57,17 +57,11 @@ def test_each_photo_is_what_stands_before_the_camera_then(virtual: VirtualCamera
     assert photo.saturated.all()
 
 
-def test_photos_do_not_fill_the_camera_up(virtual: VirtualCamera) -> None:
-    def stored(camera: GphotoCamera) -> int:
-        return camera._camera.folder_list_files("/store_00010001/DCIM/100GPHOT").count()
-
-    with GphotoCamera() as camera:
+@pytest.mark.parametrize(("keep", "left"), [(False, 0), (True, 1)])
+def test_photos_fill_the_camera_up_only_when_asked_to(virtual: VirtualCamera, keep: bool, left: int) -> None:
+    with GphotoCamera(keep=keep) as camera:
         camera.expose()
-        camera.expose()
-        assert stored(camera) == 0
-        camera.keep = True
-        camera.expose()
-        assert stored(camera) == 1
+        assert camera._camera.folder_list_files("/store_00010001/DCIM/100GPHOT").count() == left
 
 
 def test_a_guessed_tone_curve_is_warned_of_once(virtual: VirtualCamera, caplog: pytest.LogCaptureFixture) -> None:
@@ -121,31 +115,12 @@ def test_a_camera_that_is_not_there_is_named(virtual: VirtualCamera, words: dict
         pass
 
 
-def test_two_cameras_must_be_told_apart(virtual: VirtualCamera, monkeypatch: pytest.MonkeyPatch) -> None:
-    import gphoto2
-
-    class Two:
-        def count(self) -> int:
-            return 2
-
-        def get_name(self, index: int) -> str:
-            return ("Nikon DSC D750", "Nikon DSC D850")[index]
-
-        def get_value(self, index: int) -> str:
-            return f"usb:001,00{index + 1}"
-
-    class Bus:
-        Camera = type("Camera", (), {"autodetect": staticmethod(Two), "__new__": lambda _: whole.Camera()})
-
-        def __getattr__(self, name: str) -> object:
-            return getattr(whole, name)
-
-    whole = gphoto2
-    monkeypatch.setitem(sys.modules, "gphoto2", Bus())
-    with pytest.raises(DeviceError, match=r"several cameras fit \(Nikon DSC D750 on usb:001,001, Nikon DSC D850"):
-        GphotoCamera(model="nikon").__enter__()
-    with GphotoCamera(model="750") as camera:
-        assert camera.name == NAME
+def test_two_cameras_must_be_told_apart() -> None:
+    there = [("Nikon DSC D750", "usb:001,001"), ("Nikon DSC D850", "usb:001,002")]
+    assert _meant(there, "d850", "") == there[1]
+    assert _meant(there, "", "usb:001,001") == there[0]
+    with pytest.raises(DeviceError, match=r"several cameras fit \(Nikon DSC D750 on usb:001,001, Nikon DSC D850 on"):
+        _meant(there, "nikon", "")
 
 
 def test_no_camera_at_all(tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -30,7 +30,6 @@ class VirtualCamera:
         """Let the next photograph be even."""
         self.sees(np.full((ROWS, COLUMNS, 3), level, np.uint8))
 
-
     def delivers(self, content: bytes) -> None:
         """Let the next photograph be a file of this content, and zeros behind it."""
         assert len(content) <= FILE_BYTES

@@ -39,8 +39,8 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
         Subtract each photograph's mean over the diffracting pixels.
     threshold : float, optional
         Least mean intensity (full scale 1) of a pixel that diffracts. By default it is found from the histogram of the
-        logarithm of the mean intensity: used where that has two distinct modes (Otsu's cut explains 80 percent of the
-        variance or more, the valley is at most half as high as the lower mode, the bright class is three times as
+        logarithm of the mean intensity: used where that has two distinct modes (Otsu's cut explains 85 percent of the
+        variance or more, the valley is at most a tenth as high as the lower mode, the bright class is three times as
         bright), half way between the dark mode and the next that stands apart; otherwise all valid pixels are kept.
 
     Returns

@@ -49,7 +49,8 @@ def offset(
     orientation, period : OrientationMap, PeriodMap
         Of shape (M, N).
     photos : PictureSeries, optional
-        Without any the map is given back as it is. Of shape (L, M, N, 3), from the same place as the maps' photographs, with light and camera known.
+        Of shape (L, M, N, 3), from the same place as the maps' photographs, with light and camera known. Without any
+        the map is given back as it is.
     light_sigma_mm : float
         Standard deviation of the light's extent.
     coherence_um : float
