@@ -25,7 +25,8 @@ def is_cut_short(path: Path, *, tags: bool = True) -> bool:
     path : Path
         File to look at.
     tags : bool
-        Whether the values of TIFF tags count too, not only pixels. Those of makers' raw formats may point where they like.
+        Whether the values of TIFF tags count too, not only pixels. Those of makers' raw formats may point where they
+        like.
     """
     data = path.read_bytes()
     if data.startswith(_PNG_START):

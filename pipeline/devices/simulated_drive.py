@@ -1,8 +1,8 @@
 """A drive that exists only in software: a CANopen node with the CiA 402 state machine and a profile-position motor.
 
 It answers on a python-can bus like a drive on a cable: SDO, NMT, heartbeat and emergencies come from
-``canopen.LocalNode``, its objects from the EDS beside this file; state machine, set-points and motion are here. Its clock
-may run faster than ours, so that a simulated run need not wait for a motor.
+``canopen.LocalNode``, its objects from the EDS beside this file; state machine, set-points and motion are here. Its
+clock may run faster than ours, so that a simulated run need not wait for a motor.
 """
 
 from __future__ import annotations

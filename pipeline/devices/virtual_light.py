@@ -88,8 +88,8 @@ def render_supersampled(
     coarse = render_sheet(centres, period_um[centre, centre], pixel_mm=pixel_mm * ratio, **settings)
     seams = np.where(_spread(uniform, ratio), np.nan, orientation_rad)
     fine = render_sheet(seams, period_um, pixel_mm=pixel_mm, **settings)
-    for picture, blocks in zip(fine, coarse, strict=True):
-        picture += _spread(blocks, ratio)
+    for index, blocks in enumerate(coarse):
+        fine[index] += _spread(blocks, ratio)
     return fine
 
 

@@ -139,7 +139,7 @@ def shade_rows(
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _shade(  # noqa: PLR0917
+def _shade(
     rgb: Any,
     first: int,
     last: int,

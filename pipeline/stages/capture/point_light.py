@@ -30,8 +30,8 @@ def point_light(
 ) -> PictureSeries:
     """Photograph a virtual sample in colour under a light that is carried around it.
 
-    The true sample is rendered on its own fine grid where facets meet, blurred by the lens, collected by the camera's pixels, and passed
-    through noise, saturation and quantisation.
+    The true sample is rendered on its own fine grid where facets meet, blurred by the lens, collected by the camera's
+    pixels, and passed through noise, saturation and quantisation.
 
     Parameters
     ----------

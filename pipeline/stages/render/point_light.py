@@ -76,8 +76,8 @@ def point_light(
     if pixel_mm is None:
         pixel_mm = width_mm / orientation.orientation_rad.shape[1]
         _log.warning(
-            "the pixel pitch is not known: the sheet is rendered as %g mm wide; rig.pixel_mm or pixel_mm in capture.yaml "
-            "state it",
+            "the pixel pitch is not known: the sheet is rendered as %g mm wide; rig.pixel_mm or pixel_mm in "
+            "capture.yaml state it",
             width_mm,
         )
     rgb = render_sheet(
