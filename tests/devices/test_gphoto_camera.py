@@ -25,7 +25,7 @@ def virtual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VirtualCamera]
 
 
 def test_a_photo_is_linear_and_says_how_it_was_taken(virtual: VirtualCamera) -> None:
-    with GphotoCamera(settings={"shutterspeed": "0.0050s", "f-number": "f/5.6"}) as camera:
+    with GphotoCamera(wait_ms=1, settings={"shutterspeed": "0.0050s", "f-number": "f/5.6"}) as camera:
         assert isinstance(camera, Camera)
         photo = camera.expose()
     assert photo.image.shape == (ROWS, COLUMNS, 3)
@@ -39,7 +39,7 @@ def test_a_photo_is_linear_and_says_how_it_was_taken(virtual: VirtualCamera) -> 
 
 def test_what_the_file_tells_wins_over_the_settings(virtual: VirtualCamera) -> None:
     virtual.sees(np.full((ROWS, COLUMNS, 3), 90, np.uint8), Model="Bench 1", ExposureTime=0.25, FNumber=8.0)
-    with GphotoCamera() as camera:
+    with GphotoCamera(wait_ms=1) as camera:
         photo = camera.expose()
     assert photo.exposure_s == 0.25
     assert photo.metadata["model"] == "Bench 1"
@@ -48,7 +48,7 @@ def test_what_the_file_tells_wins_over_the_settings(virtual: VirtualCamera) -> N
 
 def test_each_photo_is_what_stands_before_the_camera_then(virtual: VirtualCamera) -> None:
     means = []
-    with GphotoCamera() as camera:
+    with GphotoCamera(wait_ms=1) as camera:
         for level in (40, 200, 255):
             virtual.sees_grey(level)
             photo = camera.expose()
@@ -59,13 +59,13 @@ def test_each_photo_is_what_stands_before_the_camera_then(virtual: VirtualCamera
 
 @pytest.mark.parametrize(("keep", "left"), [(False, 0), (True, 1)])
 def test_photos_fill_the_camera_up_only_when_asked_to(virtual: VirtualCamera, keep: bool, left: int) -> None:
-    with GphotoCamera(keep=keep) as camera:
+    with GphotoCamera(wait_ms=1, keep=keep) as camera:
         camera.expose()
         assert camera._camera.folder_list_files("/store_00010001/DCIM/100GPHOT").count() == left
 
 
 def test_a_guessed_tone_curve_is_warned_of_once(virtual: VirtualCamera, caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.WARNING, "pipeline"), GphotoCamera() as camera:
+    with caplog.at_level(logging.WARNING, "pipeline"), GphotoCamera(wait_ms=1) as camera:
         camera.expose()
         camera.expose()
     assert [r.getMessage() for r in caplog.records] == [
@@ -134,7 +134,10 @@ def test_no_camera_at_all(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 def test_a_file_that_is_no_photo_is_named(virtual: VirtualCamera) -> None:
     virtual.delivers(b"no photo at all")
-    with GphotoCamera() as camera, pytest.raises(DeviceError, match=rf"{NAME}: what it delivered as GPH_\d+\.JPG"):
+    with (
+        GphotoCamera(wait_ms=1) as camera,
+        pytest.raises(DeviceError, match=rf"{NAME}: what it delivered as GPH_\d+\.JPG"),
+    ):
         camera.expose()
 
 
@@ -145,7 +148,7 @@ def test_libgphoto2_complains_in_words(virtual: VirtualCamera, monkeypatch: pyte
         def capture(self, _: int) -> None:
             raise gphoto2.GPhoto2Error(gphoto2.GP_ERROR_IO_USB_FIND)
 
-    with GphotoCamera() as camera:
+    with GphotoCamera(wait_ms=1) as camera:
         whole, camera._camera = camera._camera, Unplugged()
         with pytest.raises(DeviceError, match=rf"{NAME} does not take the photo: Could not find the requested device"):
             camera.expose()
