@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.floating]
 BoolArray = NDArray[np.bool_]
 
+SIMULTANEOUS = "simultaneous"
+"""Key in a sequence's metadata that says ``yes`` where one exposure gave all photographs, so that none can be moved."""
+
 
 @dataclass(frozen=True, eq=False)
 class GratingSample:

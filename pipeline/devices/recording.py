@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import Photo
+from pipeline.data import SIMULTANEOUS, Photo
 from pipeline.devices.capture_yaml import Capture, PhotoEntry
 from pipeline.devices.photo_files import Channel, channel_of, read_photo
 from pipeline.errors import InputError
@@ -188,7 +188,8 @@ class Recording:
         planes = demosaic(np.asarray(photo.image, np.float32), method=self._method)
         log.info("%s demosaiced to full resolution by %s interpolation", entry.file.name, self._method)
         saturated = spread(photo.saturated, REACH[self._method])
-        return [Photo(plane, saturated, photo.exposure_s, photo.metadata) for plane in planes]
+        metadata = {**photo.metadata, SIMULTANEOUS: "yes"}
+        return [Photo(plane, saturated, photo.exposure_s, metadata) for plane in planes]
 
 
 def read_mask(file: Path) -> BoolImage:

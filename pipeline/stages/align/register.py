@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.data import BoolArray, PolarizerSequence
+from pipeline.data import SIMULTANEOUS, BoolArray, PolarizerSequence
 from pipeline.optics.registration import Shifts, coarse_shift, edge_image, edge_shifts
 from pipeline.optics.translation import quintic_coefficients, sample_translated
 from pipeline.parallel import over_rows
@@ -59,6 +59,9 @@ def register(
         The same photographs in the frame of the first.
     """
     if method == "none" or len(photos.images) < 2:
+        return photos
+    if photos.metadata.get(SIMULTANEOUS) == "yes":
+        _log.info("All photographs come from one exposure: none can have moved.")
         return photos
     images = [_finite(image) for image in photos.images]
     coefficients = np.empty(photos.images.shape, np.float32)
