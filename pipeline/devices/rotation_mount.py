@@ -1,38 +1,53 @@
-"""A polariser in a rotation mount that a CANopen drive turns; the simulated one differs only by what is on the bus."""
+"""Rotation mounts that a CANopen drive turns; the simulated one differs only in who answers on the bus."""
 
 from __future__ import annotations
 
-import uuid
+import itertools
 from collections.abc import Sequence
 from contextlib import ExitStack
-from math import pi
+from math import degrees, isfinite, pi, radians, sin
 from types import TracebackType
-from typing import Literal, Self
+from typing import Self
 
-import canopen
+import can
 
 from pipeline.devices.cia402 import Axis
-from pipeline.devices.simulated_drive import SimulatedDrive
-from pipeline.errors import DeviceError
+from pipeline.devices.simulated_drive import Fault, SimulatedDrive
+from pipeline.errors import DeviceError, InputError, nearest
+
+_channels = itertools.count(1)
 
 
 class CanopenRotationMount:
-    """A polariser turned by a CiA 402 drive on any bus that python-can knows.
+    """A polariser in a mount that a CiA 402 drive turns, on any CAN interface that python-can knows.
+
+    The drive must count in encoder counts, counts a second and counts a second squared, and know its zero: an absolute
+    encoder, or homed before.
 
     Parameters
     ----------
-    interface, channel, bitrate : str, str, int
-        The bus, as python-can names it: socketcan and can0, slcan and /dev/ttyACM0, pcan, ixxat, kvaser, vector, ...
+    interface, channel : str
+        The bus as python-can names it: socketcan and can0, slcan and /dev/ttyACM0, pcan and PCAN_USBBUS1, ...
+    bitrate : int
+        Of the bus; socketcan takes that of its network interface.
     node_id : int
         The drive's node.
     counts_per_turn : int
-        Encoder counts in one turn of the polariser; negative where positive counts turn it clockwise in the photo.
+        Encoder counts in one turn of the polariser, gear included.
     zero_deg : float
-        Angle of the polariser's transmitted direction where the encoder reads 0.
+        Angle of the polariser's transmitted direction where the encoder reads zero.
+    clockwise : bool
+        Whether rising counts turn the polariser clockwise as seen in the photograph.
     velocity_deg_s, acceleration_deg_s2 : float
-        Of moves.
+        Limits of the motion.
+    tolerance_deg : float
+        Farthest from its target that the polariser may come to rest.
     timeout_s : float
-        Longest wait for an answer; moves get the time they need on top.
+        How long the drive may take to change its state, and to move beyond the time that the motion needs.
+    response_s : float
+        How long it may take to answer.
+    heartbeat_s : float
+        Interval of its heartbeat, five of which may be missing; 0 to do without.
     """
 
     physical = True
@@ -46,98 +61,102 @@ class CanopenRotationMount:
         node_id: int = 1,
         counts_per_turn: int = 360000,
         zero_deg: float = 0.0,
-        velocity_deg_s: float = 30.0,
-        acceleration_deg_s2: float = 90.0,
-        timeout_s: float = 1.0,
+        clockwise: bool = False,
+        velocity_deg_s: float = 20.0,
+        acceleration_deg_s2: float = 100.0,
+        tolerance_deg: float = 0.05,
+        timeout_s: float = 5.0,
+        response_s: float = 1.0,
+        heartbeat_s: float = 0.2,
     ) -> None:
-        if counts_per_turn == 0 or velocity_deg_s <= 0 or acceleration_deg_s2 <= 0:
-            raise ValueError("counts_per_turn may not be 0, velocity and acceleration must be above 0")
-        self.interface = interface
-        self.channel = channel
-        self.bitrate = bitrate
-        self.node_id = node_id
-        self.counts_per_turn = counts_per_turn
-        self.zero_deg = zero_deg
-        self.velocity_deg_s = velocity_deg_s
-        self.acceleration_deg_s2 = acceleration_deg_s2
-        self.timeout_s = timeout_s
-        self._time_scale = 1.0
-        self._axis: Axis | None = None
-        self._stack = ExitStack()
-
-    @property
-    def name(self) -> str:
-        """What errors call it."""
-        return f"rotation mount (node {self.node_id} on {self.channel})"
+        for name, value in (
+            ("counts_per_turn", counts_per_turn),
+            ("velocity_deg_s", velocity_deg_s),
+            ("acceleration_deg_s2", acceleration_deg_s2),
+            ("timeout_s", timeout_s),
+            ("response_s", response_s),
+        ):
+            if not value > 0:
+                raise InputError(f"{name} of the rotation mount is {value}", expected="more than 0")
+        if not 1 <= node_id <= 127:
+            raise InputError(f"node_id of the rotation mount is {node_id}", expected="1 to 127")
+        self._interface = interface
+        self._counts_per_rad = (-1 if clockwise else 1) * counts_per_turn / (2 * pi)
+        self._zero_rad = radians(zero_deg)
+        per_deg = counts_per_turn / 360
+        self._axis = Axis(
+            name=f"rotation mount (node {node_id} on {channel})",
+            interface=interface,
+            channel=channel,
+            bitrate=bitrate,
+            node_id=node_id,
+            velocity=max(1, round(velocity_deg_s * per_deg)),
+            acceleration=max(1, round(acceleration_deg_s2 * per_deg)),
+            tolerance=max(1, round(tolerance_deg * per_deg)),
+            timeout_s=timeout_s,
+            response_s=response_s,
+            heartbeat_s=heartbeat_s,
+            in_words=lambda counts: f"{degrees(self._angle_rad(counts)):.3f} deg",
+        )
 
     @property
     def stops_rad(self) -> Sequence[float] | None:
         """None: it turns freely."""
         return None
 
+    def check(self) -> None:
+        """Refuse a CAN interface that python-can does not know.
+
+        Raises
+        ------
+        InputError
+            With the nearest known name.
+        """
+        if self._interface not in can.VALID_INTERFACES:
+            raise InputError(
+                f"python-can has no interface '{self._interface}'",
+                expected="the kind of CAN interface, such as socketcan, slcan or pcan",
+                hint=nearest(self._interface, can.VALID_INTERFACES),
+            )
+
     def move_to(self, angle_rad: float) -> float:
-        """Turn to an angle; returns the angle that the encoder reads once the drive stands.
+        """Turn the polariser to ``angle_rad`` and return the angle that the encoder reads once it stands still.
 
         Raises
         ------
         DeviceError
-            The mount is not open, or the drive did not get there; it has been told to stop.
+            It did not get there. The message names the axis and the cause; the axis has been told to stop.
         """
-        if self._axis is None:
-            raise DeviceError(f"{self.name} is not open")
-        return self._angle_rad(self._axis.move_to(round(self._counts(angle_rad))))
+        if not isfinite(angle_rad):
+            raise DeviceError(f"{self._axis.name}: {angle_rad} is no angle to go to")
+        return self._angle_rad(self._axis.move_to(round((angle_rad - self._zero_rad) * self._counts_per_rad)))
 
     def __enter__(self) -> Self:
-        with ExitStack() as stack:
-            network = _network()
-            try:
-                network.connect(interface=self.interface, channel=self.channel, bitrate=self.bitrate)
-            except Exception as error:
-                raise DeviceError(f"{self.name}: the bus cannot be opened: {error}") from error
-            stack.callback(network.disconnect)
-            per_degree = abs(self.counts_per_turn) / 360
-            self._axis = stack.enter_context(
-                Axis(
-                    network,
-                    self.node_id,
-                    name=self.name,
-                    velocity=self.velocity_deg_s * per_degree,
-                    acceleration=self.acceleration_deg_s2 * per_degree,
-                    timeout_s=self.timeout_s,
-                    time_scale=self._time_scale,
-                )
-            )
-            self._stack = stack.pop_all()
+        self._axis.__enter__()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._axis = None
-        self._stack.close()
+        self._axis.__exit__(kind, error, trace)
 
-    def _counts(self, angle_rad: float) -> float:
-        return (angle_rad - self.zero_deg * pi / 180) / (2 * pi) * self.counts_per_turn
-
-    def _angle_rad(self, counts: float) -> float:
-        return counts / self.counts_per_turn * 2 * pi + self.zero_deg * pi / 180
+    def _angle_rad(self, counts: int) -> float:
+        return self._zero_rad + counts / self._counts_per_rad
 
 
-class SimulatedRotationMount(CanopenRotationMount):
-    """The same mount with a simulated drive on a virtual bus of this process.
-
-    What a lab runs is what every run exercises: only the drive is not there.
+class SimulatedRotationMount:
+    """The same mount, driven by the same code, with a simulated drive on a bus of its own in this process.
 
     Parameters
     ----------
     time_scale : float
-        How much faster the drive's clock runs than ours.
-    node_id, counts_per_turn, velocity_deg_s, acceleration_deg_s2, timeout_s
-        As for the real mount.
+        How many times faster than ours the drive's clock runs.
+    node_id, counts_per_turn, velocity_deg_s, acceleration_deg_s2, timeout_s, response_s, heartbeat_s
+        As of :class:`CanopenRotationMount`.
+    eccentricity_deg : float
+        Amplitude, once a turn, by which the polariser stands elsewhere than the encoder reads.
     backlash_deg : float
-        Angle by which the shaft lags behind the encoder.
-    fault : {"none", "stall", "following error", "overcurrent", "abort", "silence", "heartbeat lost"}
-        What breaks in the first move.
+        Play between encoder and polariser.
     """
 
     physical = False
@@ -148,58 +167,74 @@ class SimulatedRotationMount(CanopenRotationMount):
         time_scale: float = 1000.0,
         node_id: int = 1,
         counts_per_turn: int = 360000,
-        velocity_deg_s: float = 30.0,
-        acceleration_deg_s2: float = 90.0,
-        timeout_s: float = 1.0,
+        velocity_deg_s: float = 20.0,
+        acceleration_deg_s2: float = 100.0,
+        timeout_s: float = 5.0,
+        response_s: float = 5.0,
+        heartbeat_s: float = 0.5,
+        eccentricity_deg: float = 0.0,
         backlash_deg: float = 0.0,
-        fault: Literal[
-            "none", "stall", "following error", "overcurrent", "abort", "silence", "heartbeat lost"
-        ] = "none",
     ) -> None:
-        super().__init__(
+        if not time_scale > 0:
+            raise InputError(f"time_scale of the rotation mount is {time_scale}", expected="more than 0")
+        if not backlash_deg >= 0:
+            raise InputError(f"backlash_deg of the rotation mount is {backlash_deg}", expected="0 or more")
+        channel = f"simulated-{next(_channels)}"
+        self._mount = CanopenRotationMount(
             interface="virtual",
-            channel=f"simulated-{uuid.uuid4().hex[:8]}",
+            channel=channel,
             node_id=node_id,
             counts_per_turn=counts_per_turn,
             velocity_deg_s=velocity_deg_s,
             acceleration_deg_s2=acceleration_deg_s2,
             timeout_s=timeout_s,
+            response_s=response_s,
+            heartbeat_s=heartbeat_s,
         )
-        self._time_scale = time_scale
-        self.backlash_deg = backlash_deg
-        self.fault = fault
-        self.drive: SimulatedDrive | None = None
-        self._bench = ExitStack()
+        self.drive = SimulatedDrive(
+            channel=channel,
+            node_id=node_id,
+            time_scale=time_scale,
+            play_counts=backlash_deg / 360 * counts_per_turn,
+        )
+        self._counts_per_turn = counts_per_turn
+        self._eccentricity_rad = radians(eccentricity_deg)
+        self._stack = ExitStack()
+
+    @property
+    def stops_rad(self) -> Sequence[float] | None:
+        """None: it turns freely."""
+        return None
 
     @property
     def shaft_rad(self) -> float:
-        """Angle at which the polariser really stands."""
-        counts = self.drive.position_counts if self.drive else 0.0
-        return self._angle_rad(counts) - self.backlash_deg * pi / 180
+        """Where the polariser really stands, whatever the encoder reads."""
+        behind_play = 2 * pi * self.drive.shaft_counts / self._counts_per_turn
+        return behind_play + self._eccentricity_rad * sin(behind_play)
+
+    def inject(self, fault: Fault, *, at_deg: float | None = None) -> None:
+        """Let something go wrong, now or when the encoder comes past an angle: see :data:`simulated_drive.Fault`."""
+        self.drive.inject(fault, at_counts=None if at_deg is None else at_deg / 360 * self._counts_per_turn)
+
+    def move_to(self, angle_rad: float) -> float:
+        """Turn the polariser to ``angle_rad`` and return the angle that the encoder reads once it stands still.
+
+        Raises
+        ------
+        DeviceError
+            It did not get there.
+        """
+        return self._mount.move_to(angle_rad)
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
-            network = _network()
-            network.connect(interface=self.interface, channel=self.channel)
-            stack.callback(network.disconnect)
-            self.drive = SimulatedDrive(network, self.node_id, time_scale=self._time_scale)
-            stack.callback(self.drive.close)
-            super().__enter__()
-            self._bench = stack.pop_all()
-        self.drive.inject(self.fault)
+            self.drive.start()
+            stack.callback(self.drive.stop)
+            stack.enter_context(self._mount)
+            self._stack = stack.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
-            super().__exit__(kind, error, trace)
-        finally:
-            self._bench.close()
-
-
-def _network() -> canopen.Network:
-    """A network whose listener ends soon after it is told to, instead of after a second."""
-    network = canopen.Network()
-    network.NOTIFIER_CYCLE = 0.02
-    return network
+        self._stack.__exit__(kind, error, trace)
