@@ -12,9 +12,12 @@ from numpy.typing import NDArray
 
 from pipeline.data import GratingSample, Photo
 from pipeline.devices import protocols
-from pipeline.errors import InputError
+from pipeline.devices.virtual_sample import SampleUnderPanel
+from pipeline.errors import InputError, InputErrors
 from pipeline.optics.imaging import area_average, seen_by_lens, sensor_signal
-from pipeline.optics.jones import polarizer_response
+
+DEEPEST_BITS = 24
+"""A photograph's float32 tells no more steps apart."""
 
 View = Callable[[], NDArray[np.float32]]
 
@@ -96,6 +99,16 @@ class Camera:
         self.shifts_px: list[tuple[float, float]] = []
         self._view: View | None = None
         self._scene_pixel_mm = pixel_mm
+
+    def problems(self) -> list[InputError]:
+        """Settings that no camera can have, each with what would be right."""
+        above_zero = ("pixel_mm", "full_well_electrons", "exposure_s")
+        not_below = ("electrons", "read_noise_electrons", "blur_mm", "shift_px", "seed")
+        wrong = [(name, "a number above 0") for name in above_zero if getattr(self, name) <= 0]
+        wrong += [(name, "0 or more") for name in not_below if getattr(self, name) < 0]
+        if self.bits is not None and not 1 <= self.bits <= DEEPEST_BITS:
+            wrong.append(("bits", f"1 to {DEEPEST_BITS}, or null for no quantisation"))
+        return [InputError(f"{name} is {getattr(self, name):g}", where=name, expected=right) for name, right in wrong]
 
     def look_at(self, view: View, scene_pixel_mm: float) -> None:
         """Stand before a scene, sampled at ``scene_pixel_mm``; ``view()`` is its radiance when asked.
@@ -195,7 +208,7 @@ class PolarizationBench:
         """
         if sample is None:
             raise InputError("the simulated bench has no sample", expected="sample: a node such as simulate.logo")
-        scene = _Scene(sample)
+        scene = SampleUnderPanel(sample)
         mount = self.mount
         if not isinstance(mount, _VisibleShaft):
             raise InputError("the simulated bench needs a mount whose shaft it can see", expected="a simulated mount")
@@ -206,7 +219,26 @@ class PolarizationBench:
         self.camera.look_at(view, sample.pixel_mm)
 
     def check(self) -> None:
-        """Find nothing: settings were checked when the bench was built."""
+        """Find settings that no bench can have.
+
+        Raises
+        ------
+        InputErrors
+            All of them, each with its place.
+        """
+        problems = [error.at("camera") for error in self.camera.problems()]
+        if self.light.radiance < 0:
+            problems.append(
+                InputError(f"radiance is {self.light.radiance:g}", where="light.radiance", expected="0 or more")
+            )
+        if self.wavelength_nm <= 0:
+            problems.append(
+                InputError(
+                    f"wavelength_nm is {self.wavelength_nm:g}", where="wavelength_nm", expected="a number above 0"
+                )
+            )
+        if problems:
+            raise InputErrors(problems)
 
     def __enter__(self) -> Self:
         for device in (self.camera, self.mount, self.light):
@@ -226,31 +258,3 @@ class _VisibleShaft(Protocol):
 
     @property
     def shaft_rad(self) -> float: ...
-
-
-class _Scene:
-    """A sample under the panel, as seen through a polariser: few orientations, so few different responses."""
-
-    def __init__(self, sample: GratingSample) -> None:
-        self.sample = sample
-        diffracts = sample.diffracts
-        longest = float(np.nanmax(sample.period_um))
-        self._ground = np.float32(sample.ground_reflectance)
-        orientations = np.where(diffracts, sample.orientation_rad, 0.0)
-        self._orientations, self._index = np.unique(orientations, return_inverse=True)
-        # The zeroth order falls as 1 / K^2 when the period falls as 1 / K (section 5.4 of the paper).
-        self._efficiency = np.where(diffracts, (sample.period_um / longest) ** 2, 0.0).astype(np.float32)
-        self._unpolarised = np.where(diffracts, 0.0, self._ground).astype(np.float32)
-
-    def through_polarizer(self, polarizer_rad: float) -> NDArray[np.float32]:
-        """Radiance of every point of the sample; 1 is the longest period's through an open polariser."""
-        response = polarizer_response(
-            polarizer_rad,
-            self._orientations,
-            amplitude_ratio=self.sample.amplitude_ratio,
-            phase_rad=self.sample.phase_rad,
-            retardation_rad=self.sample.retardation_rad,
-            film_axis_rad=self.sample.film_axis_rad,
-        ).astype(np.float32)
-        modulated = response[self._index].reshape(self._efficiency.shape) * self._efficiency
-        return modulated + self._unpolarised

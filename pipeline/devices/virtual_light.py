@@ -2,95 +2,215 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.optics.colour import Spectrum
-from pipeline.optics.sheet import largest_half_vector, shade_rows, spectral_table
+from pipeline.optics.gratings import window_spread
+from pipeline.optics.sheet import aliasing, largest_half_vector, shade_rows, spectral_table
 from pipeline.parallel import over_rows
 from pipeline.progress import advance
 
+Image = NDArray[np.float32]
 
-def render_sheet(
-    orientation_rad: NDArray[np.floating],
-    period_um: NDArray[np.floating],
+_TOLERATED_ALIASING = 0.01
+_SHORT_WAVE_UM = 0.45
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Lighting:
+    """A light carried from place to place above a sheet, and the camera that watches.
+
+    Attributes
+    ----------
+    lights_mm : ndarray of shape (L, 3), float64
+        Places of the light: x right, y up, z towards the camera, origin at the centre of the sheet.
+    camera_mm : ndarray of shape (3,), float64
+        Place of the camera.
+    light_sigma_mm : float
+        Standard deviation of the light's Gaussian extent.
+    illuminant : str
+        Spectrum of the light.
+    depth_um, coherence_um : float
+        Peak-to-valley depth of the gratings, and width of the coherence window.
+    wavelength_step_nm : float
+        Step of the spectral sum.
+    """
+
+    lights_mm: NDArray[np.float64]
+    camera_mm: NDArray[np.float64]
+    light_sigma_mm: float
+    illuminant: Spectrum
+    depth_um: float
+    coherence_um: float
+    wavelength_step_nm: float
+
+
+def check_lighting(
     *,
-    pixel_mm: float,
-    lights_mm: NDArray[np.float64],
-    camera_mm: NDArray[np.float64],
+    lights_mm: Sequence[Sequence[float]],
+    camera_mm: Sequence[float],
     light_sigma_mm: float,
-    illuminant: Spectrum,
-    depth_um: float,
     coherence_um: float,
     wavelength_step_nm: float,
-) -> NDArray[np.float32]:
+) -> None:
+    """Refuse places behind the sheet, and sizes that nothing can have.
+
+    Raises
+    ------
+    InputError
+        What is wrong, and under which setting.
+    """
+    if not lights_mm:
+        raise InputError("there is no light", where="lights_mm", expected="at least one place [x, y, z]")
+    places = {f"lights_mm[{index}]": light for index, light in enumerate(lights_mm)} | {"camera_mm": camera_mm}
+    for where, place in places.items():
+        if len(place) != 3 or not np.isfinite(place).all() or place[2] <= 0:
+            raise InputError(
+                f"{list(place)} is no place", where=where, expected="[x, y, z] in mm, z above the sheet's 0"
+            )
+    if light_sigma_mm < 0:
+        raise InputError(f"light_sigma_mm is {light_sigma_mm:g}", where="light_sigma_mm", expected="0 or more")
+    for name, value in (("coherence_um", coherence_um), ("wavelength_step_nm", wavelength_step_nm)):
+        if value <= 0:
+            raise InputError(f"{name} is {value:g}", where=name, expected="a number above 0")
+
+
+def render_sheet(
+    orientation_rad: NDArray[np.floating], period_um: NDArray[np.floating], lighting: Lighting, *, pixel_mm: float
+) -> Image:
     """Relative radiance of a sheet under each of several lights, linear sRGB of shape (lights, M, N, 3).
 
-    Parameters are those of :func:`pipeline.stages.render.point_light.point_light`, the maps as arrays of shape (M, N).
+    Parameters
+    ----------
+    orientation_rad, period_um : ndarray of shape (M, N)
+        The maps; NaN stays dark.
+    lighting : Lighting
+        Light and camera.
+    pixel_mm : float
+        Pitch of the maps.
     """
-    rows, columns = orientation_rad.shape
-    rgb = np.zeros((len(lights_mm), rows, columns, 3), np.float32)
-    if not np.isfinite(period_um).any():
-        return rgb
-    half_width = max(rows, columns) * pixel_mm / 2
-    for index, light in enumerate(lights_mm):
-        table = spectral_table(
-            light=illuminant,
-            wavelength_step_nm=wavelength_step_nm,
-            coherence_um=coherence_um,
-            depth_um=depth_um,
-            longest_period_um=float(np.nanmax(period_um)),
-            largest_half_vector=largest_half_vector(light, camera_mm, half_width),
-        )
-        picture = rgb[index]
-
-        def shade(first: int, last: int, light=light, table=table, picture=picture) -> None:  # type: ignore[no-untyped-def]
-            shade_rows(
-                picture,
-                (first, last),
-                orientation_rad,
-                period_um,
-                pixel_mm=pixel_mm,
-                light_mm=light,
-                camera_mm=camera_mm,
-                light_sigma_mm=light_sigma_mm,
-                table=table,
-            )
-
-        over_rows(shade, rows)
-        advance(index + 1, len(lights_mm))
+    _warn_of_aliasing(period_um, lighting)
+    rgb = np.zeros((len(lighting.lights_mm), *orientation_rad.shape, 3), np.float32)
+    for index, light in enumerate(lighting.lights_mm):
+        _add_light(rgb[index], orientation_rad, period_um, light, lighting, pixel_mm)
+        advance(index + 1, len(lighting.lights_mm))
     return rgb
 
 
 def render_supersampled(
     orientation_rad: NDArray[np.floating],
     period_um: NDArray[np.floating],
+    lighting: Lighting,
     *,
     pixel_mm: float,
     ratio: int,
-    **settings: Any,
-) -> NDArray[np.float32]:
-    """The same as :func:`render_sheet`, with the fine pixels worked out only where facets meet.
+) -> Iterator[Image]:
+    """The pictures of :func:`render_sheet` one by one, with the fine pixels worked out only where facets meet.
 
     A block of ``ratio`` x ``ratio`` fine pixels on one facet is lit as its centre is: across a few micrometres, the
     directions to light and camera hardly change.
 
     Parameters
     ----------
+    orientation_rad, period_um : ndarray of shape (M, N)
+        The maps; NaN stays dark. Their sides are multiples of ``ratio``.
+    lighting : Lighting
+        Light and camera.
+    pixel_mm : float
+        Pitch of the maps.
     ratio : int
-        Odd side of a block; the maps' sides are multiples of it.
+        Odd side of a block.
     """
+    _warn_of_aliasing(period_um, lighting)
     uniform = _uniform_blocks(orientation_rad, ratio) & _uniform_blocks(period_um, ratio)
     centre = slice(ratio // 2, None, ratio)
-    centres = np.where(uniform, orientation_rad[centre, centre], np.nan)
-    coarse = render_sheet(centres, period_um[centre, centre], pixel_mm=pixel_mm * ratio, **settings)
+    blocks = np.where(uniform, orientation_rad[centre, centre], np.nan)
     seams = np.where(_spread(uniform, ratio), np.nan, orientation_rad)
-    fine = render_sheet(seams, period_um, pixel_mm=pixel_mm, **settings)
-    for index, blocks in enumerate(coarse):
-        fine[index] += _spread(blocks, ratio)
-    return fine
+    for index, light in enumerate(lighting.lights_mm):
+        coarse = np.zeros((*blocks.shape, 3), np.float32)
+        _add_light(coarse, blocks, period_um[centre, centre], light, lighting, pixel_mm * ratio)
+        picture = _spread(coarse, ratio)
+        _add_light(picture, seams, period_um, light, lighting, pixel_mm)
+        yield picture
+        advance(index + 1, len(lighting.lights_mm))
+
+
+def white_level(rgb: Image, percentile: float) -> np.float32:
+    """The brightest channel at a percentile of the pixels that are lit in any picture; 1 where none is."""
+    brightest = rgb.max(axis=-1)
+    lit = brightest[brightest > 0.01 * brightest.max(initial=0.0)]
+    return np.float32(np.percentile(lit, percentile)) if lit.size else np.float32(1)
+
+
+def _add_light(
+    picture: Image,
+    orientation_rad: NDArray[np.floating],
+    period_um: NDArray[np.floating],
+    light_mm: NDArray[np.float64],
+    lighting: Lighting,
+    pixel_mm: float,
+) -> None:
+    """Add what the sheet sends to the camera under one light."""
+    if not np.isfinite(period_um).any():
+        return
+    half_width = max(orientation_rad.shape) * pixel_mm / 2
+    table = spectral_table(
+        light=lighting.illuminant,
+        wavelength_step_nm=lighting.wavelength_step_nm,
+        coherence_um=lighting.coherence_um,
+        depth_um=lighting.depth_um,
+        longest_period_um=float(np.nanmax(period_um)),
+        largest_half_vector=largest_half_vector(light_mm, lighting.camera_mm, half_width),
+    )
+
+    orientation, period = _for_kernel(orientation_rad), _for_kernel(period_um)
+
+    def shade(first: int, last: int) -> None:
+        shade_rows(
+            picture,
+            (first, last),
+            orientation,
+            period,
+            pixel_mm=pixel_mm,
+            light_mm=light_mm,
+            camera_mm=lighting.camera_mm,
+            light_sigma_mm=lighting.light_sigma_mm,
+            table=table,
+        )
+
+    over_rows(shade, len(orientation_rad))
+
+
+def _warn_of_aliasing(period_um: NDArray[np.floating], lighting: Lighting) -> None:
+    """Say so where the spectral step is too coarse for the narrowest lobes, which would turn rainbows into stripes."""
+    if not np.isfinite(period_um).any():
+        return
+    farthest = float(np.linalg.norm(lighting.lights_mm, axis=1).max())
+    window = float(window_spread(_SHORT_WAVE_UM, lighting.coherence_um))
+    spread = float(np.hypot(window, lighting.light_sigma_mm / farthest))
+    error = aliasing(lighting.wavelength_step_nm, float(np.nanmin(period_um)), spread)
+    if error > _TOLERATED_ALIASING:
+        log.warning(
+            "wavelength_step_nm %g is too coarse for lobes this narrow: colours may be wrong by %.0f percent",
+            lighting.wavelength_step_nm,
+            100 * error,
+        )
+
+
+def _for_kernel(values: NDArray[np.floating]) -> Image:
+    """Contiguous, float32 and read-only, so that memory maps, slices and arrays share one compiled kernel."""
+    rows = np.ascontiguousarray(values, np.float32).view()
+    rows.setflags(write=False)
+    return rows
 
 
 def _uniform_blocks(values: NDArray[np.floating], ratio: int) -> NDArray[np.bool_]:
@@ -103,10 +223,3 @@ def _uniform_blocks(values: NDArray[np.floating], ratio: int) -> NDArray[np.bool
 
 def _spread(blocks: NDArray[Any], ratio: int) -> NDArray[Any]:
     return np.repeat(np.repeat(blocks, ratio, axis=0), ratio, axis=1)
-
-
-def white_level(rgb: NDArray[np.float32], percentile: float) -> np.float32:
-    """The brightest channel at a percentile of the pixels that are lit in any picture; 1 where none is."""
-    brightest = rgb.max(axis=-1)
-    lit = brightest[brightest > 0.01 * brightest.max(initial=0.0)]
-    return np.float32(np.percentile(lit, percentile)) if lit.size else np.float32(1)

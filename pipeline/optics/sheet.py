@@ -84,6 +84,16 @@ def largest_half_vector(light_mm: Float64Array, camera_mm: Float64Array, half_wi
     return float(np.linalg.norm((towards[0] + towards[1])[:, :2], axis=1).max())
 
 
+def aliasing(wavelength_step_nm: float, shortest_period_um: float, spread: float) -> float:
+    """Relative error of the spectral sum within a first-order lobe, by Poisson's formula ``2 exp(-2 pi^2 s^2)``.
+
+    ``s`` is the lobe's standard deviation ``spread``, in the half vector's components, in units of the distance
+    ``step / period`` of the lobes of neighbouring wavelengths.
+    """
+    steps = spread * shortest_period_um / (wavelength_step_nm / 1000)
+    return float(2 * np.exp(-2 * np.pi**2 * steps**2))
+
+
 def shade_rows(
     rgb: NDArray[np.float32],
     span: tuple[int, int],

@@ -9,7 +9,7 @@ from pipeline.data import GratingSample
 from pipeline.devices.protocols import PolarizationRig
 from pipeline.devices.rotation_mount import SimulatedRotationMount
 from pipeline.devices.simulated import Camera, Panel, PolarizationBench
-from pipeline.errors import InputError
+from pipeline.errors import DeviceError, InputError, InputErrors
 from pipeline.optics.jones import polarizer_response
 from pipeline.stages.capture.polarizer_sequence import polarizer_sequence
 
@@ -90,6 +90,82 @@ def test_the_panel_is_off_outside_the_capture() -> None:
     rig = bench()
     polarizer_sequence(halves(), rig=rig, count=3)
     assert rig.light.present_radiance == 0
+
+
+class SlippingMount:
+    """Its encoder reads what was asked for, its shaft stands elsewhere, and it jams at its fourth move."""
+
+    stops_rad = None
+    shaft_rad = 0.0
+    moves = 0
+
+    def move_to(self, angle_rad: float) -> float:
+        self.moves += 1
+        if self.moves > 3:
+            raise DeviceError("the axis jams")
+        self.shaft_rad = angle_rad + 0.2
+        return angle_rad
+
+
+def slipping_bench() -> PolarizationBench:
+    return PolarizationBench(camera=Camera(pixel_mm=0.03, **PERFECT), mount=SlippingMount(), light=Panel())
+
+
+def test_light_goes_through_the_shaft_and_the_record_has_the_encoder() -> None:
+    photos = polarizer_sequence(halves(), rig=slipping_bench(), count=3)
+    np.testing.assert_allclose(photos.polarizer_rad, [0, np.pi / 3, 2 * np.pi / 3])
+    shaft = photos.polarizer_rad + 0.2
+    seen = polarizer_response(shaft, np.deg2rad(20), amplitude_ratio=1.1, phase_rad=0.8, retardation_rad=0.05)
+    np.testing.assert_allclose(photos.images[:, 20, 5], 0.4 * seen, rtol=1e-5)
+
+
+def test_a_failing_device_leaves_the_panel_off() -> None:
+    rig = slipping_bench()
+    with pytest.raises(DeviceError, match="the axis jams"):
+        polarizer_sequence(halves(), rig=rig, count=5)
+    assert len(rig.camera.shifts_px) == 3
+    assert rig.light.present_radiance == 0
+
+
+def test_a_panel_that_is_off_gives_dark_photos() -> None:
+    rig = bench()
+    rig.place(halves())
+    with rig:
+        rig.mount.move_to(0.5)
+        assert (rig.camera.expose().image == 0).all()
+        rig.light.switch(True)
+        assert rig.camera.expose().image[20, 5] > 0.1
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "expected"),
+    [
+        ("pixel_mm", 0.0, "above 0"),
+        ("full_well_electrons", -1.0, "above 0"),
+        ("exposure_s", 0.0, "above 0"),
+        ("electrons", -1.0, "0 or more"),
+        ("read_noise_electrons", -1.0, "0 or more"),
+        ("blur_mm", -0.1, "0 or more"),
+        ("shift_px", -0.5, "0 or more"),
+        ("seed", -1, "0 or more"),
+        ("bits", 0, "1 to 24"),
+        ("bits", 32, "1 to 24"),
+    ],
+)
+def test_settings_that_no_camera_can_have_are_found_before_running(setting: str, value: float, expected: str) -> None:
+    rig = PolarizationBench(camera=Camera(**{setting: value}), mount=SimulatedRotationMount(), light=Panel())
+    with pytest.raises(InputErrors, match=rf"{setting} is [\s\S]*camera: {setting}[\s\S]*{expected}"):
+        rig.check()
+
+
+def test_every_wrong_setting_is_named_at_once() -> None:
+    rig = PolarizationBench(
+        camera=Camera(blur_mm=-1.0), mount=SimulatedRotationMount(), light=Panel(radiance=-1.0), wavelength_nm=0.0
+    )
+    with pytest.raises(InputErrors) as caught:
+        rig.check()
+    assert [error.where for error in caught.value.errors] == ["camera: blur_mm", "light.radiance", "wavelength_nm"]
+    bench().check()
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -67,6 +67,18 @@ def test_area_does_not_depend_on_the_pitch() -> None:
     assert areas[1] == pytest.approx(areas[0], rel=2e-3)
 
 
-def test_periods_are_three_with_the_longest_first() -> None:
-    with pytest.raises(InputError, match="three periods, the longest first"):
-        logo(periods_um=(1.0, 1.2, 1.4))
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"periods_um": (1.0, 1.2, 1.4)}, "three periods above 0, the longest first"),
+        ({"periods_um": (1.4, 1.2)}, "three periods above 0, the longest first"),
+        ({"periods_um": (1.4, 1.2, 0.0)}, "three periods above 0, the longest first"),
+        ({"width_mm": 0.0}, "width_mm is 0"),
+        ({"pixel_mm": -0.01}, "pixel_mm is -0.01"),
+        ({"margin_mm": -1.0}, "margin_mm is -1"),
+        ({"pixel_mm": 1e-5}, "1620000 points a side"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(settings, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        logo(**settings)

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.data import GratingSample, PictureSeries
-from pipeline.devices.virtual_light import render_supersampled, white_level
+from pipeline.devices.virtual_light import Lighting, check_lighting, render_supersampled, white_level
 from pipeline.errors import InputError
 from pipeline.optics.imaging import area_average, seen_by_lens, sensor_signal
 
@@ -74,27 +74,25 @@ def point_light(
             f"the camera's pixel_mm is {pixel_mm / sample.pixel_mm:.4g} times the sample's",
             expected="an odd whole multiple, such as 3",
         )
-    lights = np.asarray(lights_mm, dtype=np.float64)
-    camera = np.asarray(camera_mm, dtype=np.float64)
+    lighting = Lighting(
+        lights_mm=np.asarray(lights_mm, dtype=np.float64),
+        camera_mm=np.asarray(camera_mm, dtype=np.float64),
+        light_sigma_mm=light_sigma_mm,
+        illuminant=illuminant,
+        depth_um=sample.depth_um,
+        coherence_um=coherence_um,
+        wavelength_step_nm=wavelength_step_nm,
+    )
     rows, columns = (length // ratio * ratio for length in sample.orientation_rad.shape)
-    pictures = []
-    for light in lights:
-        scene = render_supersampled(
-            sample.orientation_rad[:rows, :columns],
-            sample.period_um[:rows, :columns],
-            pixel_mm=sample.pixel_mm,
-            ratio=ratio,
-            lights_mm=light[None],
-            camera_mm=camera,
-            light_sigma_mm=light_sigma_mm,
-            illuminant=illuminant,
-            depth_um=sample.depth_um,
-            coherence_um=coherence_um,
-            wavelength_step_nm=wavelength_step_nm,
-        )[0]
-        blur = blur_mm / sample.pixel_mm
-        pictures.append(area_average(seen_by_lens(scene, blur_px=blur), ratio))
-    rgb = np.stack(pictures)
+    scenes = render_supersampled(
+        sample.orientation_rad[:rows, :columns],
+        sample.period_um[:rows, :columns],
+        lighting,
+        pixel_mm=sample.pixel_mm,
+        ratio=ratio,
+    )
+    blur_px = blur_mm / sample.pixel_mm
+    rgb = np.stack([area_average(seen_by_lens(scene, blur_px=blur_px), ratio) for scene in scenes])
     rgb /= white_level(rgb, 99.5)
     rng = np.random.default_rng(seed)
     signal, _ = sensor_signal(
@@ -105,4 +103,29 @@ def point_light(
         bits=bits,
         rng=rng,
     )
-    return PictureSeries(signal, lights, camera, pixel_mm, "Photographed: the simulated sample under the same light")
+    return PictureSeries(
+        rgb=signal,
+        light_mm=lighting.lights_mm,
+        camera_mm=lighting.camera_mm,
+        pixel_mm=pixel_mm,
+        caption="Photographed: the simulated sample under the same light",
+    )
+
+
+def _check_point_light(
+    *,
+    lights_mm: list[list[float]],
+    camera_mm: list[float],
+    light_sigma_mm: float,
+    coherence_um: float,
+    wavelength_step_nm: float,
+    **_: object,
+) -> None:
+    """Refuse impossible places and sizes before anything runs."""
+    check_lighting(
+        lights_mm=lights_mm,
+        camera_mm=camera_mm,
+        light_sigma_mm=light_sigma_mm,
+        coherence_um=coherence_um,
+        wavelength_step_nm=wavelength_step_nm,
+    )

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.data import OrientationMap, PeriodMap, PictureSeries
-from pipeline.devices.virtual_light import render_sheet, white_level
+from pipeline.devices.virtual_light import Lighting, check_lighting, render_sheet, white_level
 from pipeline.errors import InputError
 
 _log = logging.getLogger(__name__)
@@ -80,10 +80,7 @@ def point_light(
             "capture.yaml state it",
             width_mm,
         )
-    rgb = render_sheet(
-        orientation.orientation_rad,
-        period.period_um,
-        pixel_mm=pixel_mm,
+    lighting = Lighting(
         lights_mm=np.asarray(lights_mm, dtype=np.float64),
         camera_mm=np.asarray(camera_mm, dtype=np.float64),
         light_sigma_mm=light_sigma_mm,
@@ -92,10 +89,30 @@ def point_light(
         coherence_um=coherence_um,
         wavelength_step_nm=wavelength_step_nm,
     )
+    rgb = render_sheet(orientation.orientation_rad, period.period_um, lighting, pixel_mm=pixel_mm)
     return PictureSeries(
         rgb=rgb / white_level(rgb, white_percentile),
-        light_mm=np.asarray(lights_mm, dtype=np.float64),
-        camera_mm=np.asarray(camera_mm, dtype=np.float64),
+        light_mm=lighting.lights_mm,
+        camera_mm=lighting.camera_mm,
         pixel_mm=pixel_mm,
         caption="Rendered: the measured maps under the same light",
+    )
+
+
+def _check_point_light(
+    *,
+    lights_mm: list[list[float]],
+    camera_mm: list[float],
+    light_sigma_mm: float,
+    coherence_um: float,
+    wavelength_step_nm: float,
+    **_: object,
+) -> None:
+    """Refuse impossible places and sizes before anything runs."""
+    check_lighting(
+        lights_mm=lights_mm,
+        camera_mm=camera_mm,
+        light_sigma_mm=light_sigma_mm,
+        coherence_um=coherence_um,
+        wavelength_step_nm=wavelength_step_nm,
     )

@@ -11,6 +11,7 @@ from pipeline.data import GratingSample
 from pipeline.errors import InputError
 
 DESIGN_RADIUS_MM = 7.5
+LARGEST_SIDE = 20_000
 
 
 @dataclass(frozen=True)
@@ -66,10 +67,9 @@ def logo(
     Raises
     ------
     InputError
-        Not three periods, or the longest is not the first.
+        Not three periods above 0, the longest first; no width, a negative margin, or a map too large to draw.
     """
-    if len(periods_um) != 3 or max(periods_um) != periods_um[0]:
-        raise InputError(f"periods_um is {periods_um}", expected="three periods, the longest first")
+    _check_logo(width_mm=width_mm, margin_mm=margin_mm, pixel_mm=pixel_mm, periods_um=periods_um)
     side = round((width_mm + 2 * margin_mm) / pixel_mm)
     scale = width_mm / (2 * DESIGN_RADIUS_MM)
     orientation = np.full((side, side), np.nan, np.float32)
@@ -90,6 +90,26 @@ def logo(
         ground_reflectance=ground_reflectance,
         name="iris logo",
     )
+
+
+def _check_logo(
+    *, width_mm: float, margin_mm: float, pixel_mm: float, periods_um: tuple[float, ...], **_: object
+) -> None:
+    """Refuse what cannot be drawn, before anything runs."""
+    if len(periods_um) != 3 or max(periods_um) != periods_um[0] or min(periods_um) <= 0:
+        raise InputError(
+            f"periods_um is {list(periods_um)}", where="periods_um", expected="three periods above 0, the longest first"
+        )
+    for name, value in (("width_mm", width_mm), ("pixel_mm", pixel_mm)):
+        if value <= 0:
+            raise InputError(f"{name} is {value:g}", where=name, expected="a number above 0")
+    if margin_mm < 0:
+        raise InputError(f"margin_mm is {margin_mm:g}", where="margin_mm", expected="0 or more")
+    side = (width_mm + 2 * margin_mm) / pixel_mm
+    if not 1 <= side <= LARGEST_SIDE:
+        raise InputError(
+            f"the map would have {side:.0f} points a side", where="pixel_mm", expected=f"1 to {LARGEST_SIDE} points"
+        )
 
 
 def _facets() -> list[_Facet]:

@@ -1,0 +1,28 @@
+"""How finely a spectrum has to be sampled, and how far a half vector reaches."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.optics.sheet import aliasing, largest_half_vector
+
+
+@pytest.mark.parametrize("spread", [0.006, 0.008, 0.012])
+def test_aliasing_is_the_worst_error_of_a_sampled_lobe(spread: float) -> None:
+    step_nm, period_um = 20.0, 1.1
+    step = step_nm / 1000 / period_um
+    samples = step * np.arange(-200, 201)
+    sums = [
+        step * np.exp(-0.5 * ((samples - start) / spread) ** 2).sum() / (np.sqrt(2 * np.pi) * spread)
+        for start in np.linspace(0, step, 33)
+    ]
+    assert aliasing(step_nm, period_um, spread) == pytest.approx(np.abs(np.array(sums) - 1).max(), rel=0.01, abs=1e-12)
+
+
+def test_the_largest_half_vector_is_that_of_the_farthest_corner() -> None:
+    light, camera = np.array([100.0, 20.0, 300.0]), np.array([0.0, 0.0, 500.0])
+    x, y = np.meshgrid(np.linspace(-10, 10, 41), np.linspace(-10, 10, 41))
+    points = np.stack([x, y, np.zeros_like(x)], axis=-1)
+    half = sum((p - points) / np.linalg.norm(p - points, axis=-1, keepdims=True) for p in (light, camera))
+    assert largest_half_vector(light, camera, 10.0) == pytest.approx(np.linalg.norm(half[..., :2], axis=-1).max())
