@@ -112,11 +112,12 @@ def check_before_running(plan: Plan) -> None:
         node = step.task.node
         try:
             devices = {name: build_device(v) for name, v in node.settings.items() if isinstance(v, DeviceRecipe)}
+            before = len(problems)
             for name, device in devices.items():
                 if hasattr(device, "check"):
                     _collect(device.check, f"{node.path}.{name}", problems)
             check = _companion(node, "_check_")
-            if check is not None and not problems:
+            if check is not None and len(problems) == before:
                 _collect(partial(check, **{**node.settings, **devices}), node.path, problems)
         except InputError as error:
             problems.append(error.at(node.path))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.optics.colour import Spectrum
-from pipeline.optics.gratings import window_spread
+from pipeline.optics.gratings import Form, window_spread
 from pipeline.optics.sheet import aliasing, largest_half_vector, shade_rows, spectral_table
 from pipeline.parallel import over_rows
 from pipeline.progress import advance
@@ -43,6 +43,8 @@ class Lighting:
         Peak-to-valley depth of the gratings, and width of the coherence window.
     wavelength_step_nm : float
         Step of the spectral sum.
+    orders : {"exact", "second order"}
+        Form of the order efficiencies.
     """
 
     lights_mm: NDArray[np.float64]
@@ -52,6 +54,7 @@ class Lighting:
     depth_um: float
     coherence_um: float
     wavelength_step_nm: float
+    orders: Form = "exact"
 
 
 def check_lighting(
@@ -170,6 +173,7 @@ def _add_light(
         depth_um=lighting.depth_um,
         longest_period_um=float(np.nanmax(period_um)),
         largest_half_vector=largest_half_vector(light_mm, lighting.camera_mm, half_width),
+        orders=lighting.orders,
     )
 
     orientation, period = _for_kernel(orientation_rad), _for_kernel(period_um)

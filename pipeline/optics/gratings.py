@@ -7,11 +7,14 @@ centred at ``u = m lambda / a``, ``v = 0`` (Stam 1999; Toisoul, Dhillon and Ghos
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import jv
 
 Float64Array = NDArray[np.float64]
+Form = Literal["exact", "second order"]
 
 
 def order_efficiency(order: ArrayLike, phase_depth: ArrayLike) -> Float64Array:
@@ -39,6 +42,11 @@ def order_efficiency_second_order(order: ArrayLike, phase_depth: ArrayLike) -> F
     return np.select([m == n for n in range(3)], [a**2 for a in amplitudes], default=0.0)
 
 
+def efficiencies(form: Form, order: ArrayLike, phase_depth: ArrayLike) -> Float64Array:
+    """Share of the light in an order, in the exact or the paper's second-order form."""
+    return (order_efficiency if form == "exact" else order_efficiency_second_order)(order, phase_depth)
+
+
 def window_spread(wavelength_um: ArrayLike, coherence_um: float) -> Float64Array:
     """Standard deviation, in the half vector's components, of an order seen through the coherence window.
 
@@ -58,17 +66,3 @@ def window_spread(wavelength_um: ArrayLike, coherence_um: float) -> Float64Array
 def highest_order(period_um: float, wavelength_um: float, largest_u: float) -> int:
     """Highest order that can reach a viewer: ``m lambda / a`` up to ``largest_u``, and one more for its width."""
     return int(np.ceil(period_um * largest_u / wavelength_um)) + 1
-
-
-def geometry_factor(cos_incident: ArrayLike, cos_reflected: ArrayLike, cos_between: ArrayLike) -> Float64Array:
-    """The factor ``(1 + omega_i . omega_r)^2 / (cos cos (cos + cos)^2)`` of Stam's BRDF, without Fresnel's.
-
-    Parameters
-    ----------
-    cos_incident, cos_reflected : array_like
-        Cosines of the angles of light and viewer to the normal.
-    cos_between : array_like
-        Cosine of the angle between them, both pointing away from the surface.
-    """
-    i, r = np.asarray(cos_incident), np.asarray(cos_reflected)
-    return (1 + np.asarray(cos_between)) ** 2 / (i * r * (i + r) ** 2)

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.optics.colour import Spectrum, white_balanced_weights
-from pipeline.optics.gratings import highest_order, order_efficiency, window_spread
+from pipeline.optics.gratings import Form, efficiencies, highest_order, window_spread
 
 Float64Array = NDArray[np.float64]
 
@@ -58,18 +58,19 @@ def spectral_table(
     depth_um: float,
     longest_period_um: float,
     largest_half_vector: float,
+    orders: Form = "exact",
 ) -> SpectralTable:
     """Tabulate everything that does not depend on the pixel; orders up to the highest that can be seen."""
     wavelength_nm, weights = white_balanced_weights(light, wavelength_step_nm)
     wavelength = wavelength_nm / 1000
     deepest = float(2 * np.pi / wavelength[0] * 2 * depth_um)
-    orders = highest_order(longest_period_um, float(wavelength[0]), largest_half_vector) + 1
+    count = highest_order(longest_period_um, float(wavelength[0]), largest_half_vector) + 1
     depths = np.linspace(0, deepest, _DEPTH_STEPS)
     return SpectralTable(
         wavelength_um=wavelength,
         weights=np.ascontiguousarray(weights * (0.55 / wavelength[:, None]) ** 2),
         spread=window_spread(wavelength, coherence_um),
-        efficiency=order_efficiency(np.arange(orders)[:, None], depths[None, :]),
+        efficiency=efficiencies(orders, np.arange(count)[:, None], depths[None, :]),
         deepest=deepest,
         depth_um=depth_um,
     )

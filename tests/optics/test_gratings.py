@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.optics.gratings import (
-    geometry_factor,
     highest_order,
     order_efficiency,
     order_efficiency_second_order,
@@ -54,12 +53,3 @@ def test_the_window_is_the_transform_of_its_gaussian() -> None:
 def test_first_order_of_a_normal_incidence_grating_can_be_reached() -> None:
     assert highest_order(1.0, 0.5, 0.49) >= 1
     assert highest_order(1.0, 0.5, 1.9) >= 4
-
-
-@given(st.floats(0.1, 1), st.floats(0.1, 1), st.floats(-0.9, 1))
-def test_geometry_is_reciprocal(i: float, r: float, between: float) -> None:
-    assert geometry_factor(i, r, between) == pytest.approx(float(geometry_factor(r, i, between)))
-
-
-def test_geometry_at_normal_incidence_is_one() -> None:
-    assert geometry_factor(1, 1, 1) == pytest.approx(1)

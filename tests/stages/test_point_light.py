@@ -10,7 +10,6 @@ from pipeline.data import OrientationMap, PeriodMap
 from pipeline.devices.virtual_light import Lighting, render_sheet, render_supersampled
 from pipeline.errors import InputError
 from pipeline.optics.colour import white_balanced_weights
-from pipeline.optics.gratings import geometry_factor
 from pipeline.stages.capture import point_light as capture_module
 from pipeline.stages.capture.point_light import point_light as photograph
 from pipeline.stages.render import point_light as render_module
@@ -98,8 +97,9 @@ def test_the_sheet_is_the_plain_sum_over_wavelengths_and_orders() -> None:
             away = u - m * wavelength / float(period[row, column])
             lobe = np.exp(-(away**2 + v**2) / (2 * variance)) * spread**2 / variance
             total += lobe * jv(m, 2 * np.pi / wavelength * h[2] * depth / 2) ** 2
+        stam = (1 + i @ r) ** 2 / (i[2] * r[2] * (i[2] + r[2]) ** 2)
         incidence = i[2] * (500 / distance) ** 2
-        return geometry_factor(i[2], r[2], i @ r) * incidence * (total / wavelength**2) @ weights
+        return stam * incidence * (total / wavelength**2) @ weights
 
     expected = np.array(
         [[[colour(place, row, column) for column in range(size)] for row in range(size)] for place in lights]
@@ -210,3 +210,14 @@ def test_impossible_lighting_is_refused(stage, setting: str, value, message: str
     stage._check_point_light(**good)
     with pytest.raises(InputError, match=message):
         stage._check_point_light(**{**good, setting: value})
+
+
+def test_the_papers_second_order_form_is_the_exact_one_for_shallow_gratings() -> None:
+    pictures = {
+        (orders, depth): render(*maps(0.0), lights_mm=[light(0.0)], depth_um=depth, orders=orders, **SMALL).rgb[0, 1, 1]
+        for orders in ("exact", "second order")
+        for depth in (0.01, 0.25)
+    }
+    shallow = pictures["second order", 0.01] / pictures["exact", 0.01]
+    np.testing.assert_allclose(shallow, 1, atol=0.01)
+    assert np.abs(pictures["second order", 0.25] - pictures["exact", 0.25]).max() > 0.01

@@ -26,6 +26,7 @@ def point_light(
     coherence_um: float = 65.0,
     width_mm: float = 15.0,
     wavelength_step_nm: float = 5.0,
+    orders: Literal["exact", "second order"] = "exact",
     white_percentile: float = 99.5,
 ) -> PictureSeries:
     """Render a sheet under a light that is carried around it.
@@ -53,6 +54,8 @@ def point_light(
         Width of the sheet where the maps do not know their pixel pitch.
     wavelength_step_nm : float
         Step of the spectral sum.
+    orders : {"exact", "second order"}
+        Efficiency of the orders by Bessel functions, for any depth, or expanded to second order as in the paper.
     white_percentile : float
         The brightest channel of the lit pixels of all pictures at this percentile becomes 1.
 
@@ -68,7 +71,7 @@ def point_light(
 
     Notes
     -----
-    Toisoul, Dhillon and Ghosh 2018, equation 2 and section 6.1; order efficiencies by Bessel functions.
+    Toisoul, Dhillon and Ghosh 2018, equation 2 and section 6.1; Stam 1999.
     """
     if orientation.orientation_rad.shape != period.period_um.shape:
         raise InputError("the maps of orientation and period differ in shape")
@@ -88,6 +91,7 @@ def point_light(
         depth_um=depth_um,
         coherence_um=coherence_um,
         wavelength_step_nm=wavelength_step_nm,
+        orders=orders,
     )
     rgb = render_sheet(orientation.orientation_rad, period.period_um, lighting, pixel_mm=pixel_mm)
     return PictureSeries(
