@@ -6,19 +6,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pipeline.runs import Run
+    from pipeline.report.view import RunView
 
 
-def write(run: Run) -> Path:
+def write(run: RunView) -> Path:
     """Write ``report.html`` into the run's folder and return its path."""
     from pipeline.files import write_text
     from pipeline.report.page import page
 
-    write_text(run.report, page(run))
-    return run.report
+    path = run.path / "report.html"
+    write_text(path, page(run))
+    return path
 
 
-def write_outputs(run: Run) -> list[Path]:
+def write_outputs(run: RunView) -> list[Path]:
     """Write EXR, PNG and CSV files into ``outputs/`` of the run's folder and return their paths."""
     from pipeline.report.outputs import write_values
 

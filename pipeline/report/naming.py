@@ -1,8 +1,15 @@
-"""Names of figures of merit for people: the unit comes off the end of the name."""
+"""Figures of merit, times and settings in words: the unit comes off the end of a name."""
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from markupsafe import Markup, escape
 
 UNITS = {
     "deg": "°",
@@ -14,6 +21,17 @@ UNITS = {
     "px": "px",
     "s": "s",
     "mb": "MB",
+}
+
+STATISTICS = {
+    "mean": "mean",
+    "median": "median",
+    "max": "largest",
+    "min": "least",
+    "std": "standard deviation",
+    "rms": "root mean square",
+    "p95": "95th percentile",
+    "p99": "99th percentile",
 }
 
 
@@ -29,14 +47,63 @@ class Labelled:
 
 def labelled(name: str, value: float) -> Labelled:
     """Label a figure: ``orientation_error_mean_deg`` becomes "orientation error, mean" in degrees."""
-    words = name.rsplit(".", maxsplit=1)[-1].split("_")
-    unit = UNITS.get(words[-1], "")
+    node, _, bare = name.rpartition(".")
+    words = bare.split("_")
+    unit = UNITS.get(words[-1], "") if len(words) > 1 else ""
     if unit:
         words = words[:-1]
-    if len(words) > 1 and words[-1] in {"mean", "median", "std", "p95", "max"}:
-        last = {"std": "standard deviation", "p95": "95th percentile"}.get(words[-1], words[-1])
-        label = " ".join(words[:-1]) + ", " + last
+    if len(words) > 1 and words[-1] in STATISTICS:
+        label = " ".join(words[:-1]) + ", " + STATISTICS[words[-1]]
     else:
         label = " ".join(words)
-    node = name.rpartition(".")[0]
-    return Labelled(name, f"{label} ({node})" if node else label, f"{value:.4g}", unit)
+    return Labelled(name, f"{label} ({node})" if node else label, _number(value), unit)
+
+
+def duration(seconds: float) -> str:
+    """Seconds as a person would say them: 4 ms, 1.23 s, 45.6 s, 3 min 05 s."""
+    if seconds < 0.0995:
+        return f"{1000 * seconds:.0f} ms"
+    if seconds < 9.995:
+        return f"{seconds:.2f} s"
+    if seconds < 119.95:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def moment(iso: str) -> str:
+    """A time as ``2026-03-01 12:30 UTC``; what is no ISO time is left as it is."""
+    try:
+        time = datetime.fromisoformat(iso)
+    except ValueError:
+        return iso
+    if time.tzinfo is None:
+        time = time.replace(tzinfo=UTC)
+    return time.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def prose(words: str) -> Markup:
+    """A line of a docstring for the page: what stands between double backticks is code."""
+    return Markup(re.sub(r"``(.+?)``", r"<code>\1</code>", str(escape(words))))
+
+
+def flat(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Settings one a row, those of devices under dotted names, values as YAML would write them."""
+    rows: list[tuple[str, str]] = []
+    for name, value in settings.items():
+        if isinstance(value, Mapping) and value:
+            rows += flat(value, f"{prefix}{name}.")
+        else:
+            rows.append((prefix + name, _shown(value)))
+    return rows
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}".replace("-", "−") if not math.isnan(value) else "not known"
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "null"
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -4,113 +4,178 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from pipeline.data import GratingSample, OrientationError, OrientationMap, PeriodMap, PictureSeries
+from pipeline.data import GratingSample, OrientationError, OrientationMap, PeriodMap, PictureSeries, PolarizerSequence
 from pipeline.errors import PipelineError
 from pipeline.files import write_bytes, write_text
 from pipeline.optics.colour import encode_srgb
+from pipeline.parallel import threads
+from pipeline.report.encoded import png
+from pipeline.report.exr import write_exr
+from pipeline.report.maps import Scale, spread
 from pipeline.report.naming import labelled
-from pipeline.report.shades import orientation_colours
-from pipeline.runs import Run
+from pipeline.report.shades import colours, orientation_colours, reduced
+from pipeline.report.view import RunView
 
-Writer = Callable[[Path, Any], list[Path]]
+FORMAT = 1
+"""Counts up when the same value is written differently, so that older files are written anew."""
 
+RECORD = ".written.json"
+SHEET_PIXELS = 400
 
-def write_values(run: Run) -> list[Path]:
-    """Write every value that has a form for people into ``outputs/``; returns the files."""
-    folder = run.path / "outputs"
-    written = []
-    for node in run.nodes.values():
-        writer = WRITERS.get(node.type)
-        if writer is not None and node.artifact:
-            written += writer(folder / node.name, run.value(node.name))
-    table = io.StringIO()
-    rows = csv.writer(table, lineterminator="\n")
-    rows.writerow(["name", "value", "unit"])
-    rows.writerows((name, repr(value), labelled(name, value).unit) for name, value in run.metrics.items())
-    write_text(folder / "metrics.csv", table.getvalue())
-    return [*written, folder / "metrics.csv"]
+Written = Iterator[Path]
 
 
-def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], attributes: Mapping[str, float | None]) -> Path:
-    """Write float channels of one shape (M, N) under their names, and numbers as attributes.
+def write_values(run: RunView) -> list[Path]:
+    """Write every value that has a form for people into ``outputs/``, and return all files that lie there.
+
+    A file is written only if it is missing or its value changed since, and removed when its value is no longer of the
+    run or cannot be read; files that a person put there are left alone.
 
     Raises
     ------
     PipelineError
-        The file cannot be written.
+        A file cannot be written.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    stack = np.stack([np.asarray(c, dtype=np.float32) for c in channels.values()], axis=-1)
-    spec = oiio.ImageSpec(stack.shape[1], stack.shape[0], stack.shape[2], "float")
-    spec.channelnames = tuple(channels)
-    spec.attribute("compression", "zip")
-    for name, number in attributes.items():
-        if number is not None:
-            spec.attribute(name, float(number))
-    temporary = path.with_name(f".{path.stem}.partial.exr")
-    out = oiio.ImageOutput.create(str(temporary))
-    if out is None or not out.open(str(temporary), spec) or not out.write_image(stack) or not out.close():
-        raise PipelineError(f"{path} cannot be written: {oiio.geterror() if out is None else out.geterror()}")
-    temporary.replace(path)
+    folder = run.path / "outputs"
+    before = _record(folder)
+    with ThreadPoolExecutor(threads()) as pool:
+        entries = pool.map(lambda name: _entry(run, name, folder, before.get(name)), run.nodes)
+        now = {name: entry for name, entry in zip(run.nodes, entries, strict=True) if entry}
+    kept = {file for entry in now.values() for file in entry["files"]}
+    for file in {file for entry in before.values() for file in entry["files"]} - kept:
+        (folder / file).unlink(missing_ok=True)
+    if now != before:
+        write_text(folder / RECORD, json.dumps({"format": FORMAT, "nodes": now}, indent=1))
+    return [*(folder / file for entry in now.values() for file in entry["files"]), _write_metrics(folder, run)]
+
+
+def _entry(run: RunView, name: str, folder: Path, known: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """Write the files of a node where they do not lie there already, and say which they are."""
+    node = run.nodes[name]
+    writer = WRITERS.get(node.type)
+    if writer is None or not node.artifact:
+        return None
+    if known and known["artifact"] == node.artifact and _lie_there(folder, known["files"]):
+        return known
+    try:
+        value = run.value(name)
+    except PipelineError:
+        return None
+    files = writer(folder / _plain(name), value)
+    return {"artifact": node.artifact, "files": {path.name: path.stat().st_size for path in files}}
+
+
+def _record(folder: Path) -> dict[str, Any]:
+    """What was written earlier: for each node its artifact and the sizes of its files."""
+    try:
+        content = json.loads((folder / RECORD).read_text())
+        return dict(content["nodes"]) if content["format"] == FORMAT else {}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def _lie_there(folder: Path, sizes: dict[str, int]) -> bool:
+    try:
+        return all((folder / name).stat().st_size == size for name, size in sizes.items())
+    except OSError:
+        return False
+
+
+def _plain(name: str) -> str:
+    """A node's name as the name of a file, which stays in its folder."""
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+
+
+def _write_metrics(folder: Path, run: RunView) -> Path:
+    table = io.StringIO()
+    rows = csv.writer(table, lineterminator="\n")
+    rows.writerow(["name", "value", "unit"])
+    rows.writerows((name, repr(float(value)), labelled(name, value).unit) for name, value in run.metrics.items())
+    path = folder / "metrics.csv"
+    if not path.is_file() or path.read_text() != table.getvalue():
+        write_text(path, table.getvalue())
     return path
 
 
-def write_png(path: Path, rgb: NDArray[np.floating]) -> Path:
-    """Write a picture whose values are encoded for a display, in [0, 1]."""
-    done, data = cv2.imencode(".png", np.rint(rgb[..., ::-1] * 255).astype(np.uint8))
-    if not done:
-        raise PipelineError(f"{path} cannot be encoded")
-    write_bytes(path, data.tobytes())
-    return path
-
-
-def _orientation(stem: Path, value: OrientationMap) -> list[Path]:
+def _orientation(stem: Path, value: OrientationMap) -> Written:
     channels = {
         "orientation_rad": value.orientation_rad,
         "correlation": value.correlation,
         "intensity": value.intensity,
         "mask": value.mask,
     }
-    exr = write_exr(stem.with_suffix(".exr"), channels, {"pixel_mm": value.pixel_mm})
-    return [exr, write_png(stem.with_suffix(".png"), orientation_colours(value.orientation_rad))]
+    yield _exr(stem, channels, pixel_mm=value.pixel_mm)
+    yield _png(stem, orientation_colours(value.orientation_rad))
 
 
-def _period(stem: Path, value: PeriodMap) -> list[Path]:
-    channels = {"period_um": value.period_um, "mask": value.mask}
-    return [write_exr(stem.with_suffix(".exr"), channels, {"pixel_mm": value.pixel_mm})]
+def _period(stem: Path, value: PeriodMap) -> Written:
+    yield _exr(stem, {"period_um": value.period_um, "mask": value.mask}, pixel_mm=value.pixel_mm)
+    yield _png(stem, _coloured(value.period_um, spread(value.period_um, "period (µm)")))
 
 
-def _sample(stem: Path, value: GratingSample) -> list[Path]:
+def _sample(stem: Path, value: GratingSample) -> Written:
     channels = {"orientation_rad": value.orientation_rad, "period_um": value.period_um}
-    return [write_exr(stem.with_suffix(".exr"), channels, {"pixel_mm": value.pixel_mm})]
+    yield _exr(stem, channels, pixel_mm=value.pixel_mm)
 
 
-def _error(stem: Path, value: OrientationError) -> list[Path]:
-    return [write_exr(stem.with_suffix(".exr"), {"error_rad": value.error_rad}, {"offset_rad": value.offset_rad})]
+def _error(stem: Path, value: OrientationError) -> Written:
+    yield _exr(stem, {"error_rad": value.error_rad}, offset_rad=value.offset_rad)
+    known = np.abs(value.error_rad[np.isfinite(value.error_rad)])
+    limit = max(float(np.percentile(known, 99)), 1e-4) if known.size else 1.0
+    yield _png(stem, _coloured(value.error_rad, Scale("error (rad)", -limit, limit, "diverging")))
 
 
-def _pictures(stem: Path, value: PictureSeries) -> list[Path]:
-    written = []
+def _pictures(stem: Path, value: PictureSeries) -> Written:
     for index, rgb in enumerate(value.rgb):
-        path = stem.with_name(f"{stem.name}_{index}")
-        channels = {name: rgb[..., i] for i, name in enumerate("RGB")}
-        written += [
-            write_exr(path.with_suffix(".exr"), channels, {"pixel_mm": value.pixel_mm}),
-            write_png(path.with_suffix(".png"), encode_srgb(rgb)),
-        ]
-    return written
+        one = stem.with_name(f"{stem.name}_{index}")
+        yield _exr(one, {name: rgb[..., i] for i, name in enumerate("RGB")}, pixel_mm=value.pixel_mm)
+        yield _png(one, encode_srgb(rgb))
 
 
-WRITERS: dict[str, Writer] = {
+def _photos(stem: Path, value: PolarizerSequence) -> Written:
+    """A contact sheet with the polariser's angle in each photograph; the photographs themselves can be exported."""
+    known = value.images[:, ::5, ::5]
+    known = known[np.isfinite(known)]
+    white = (float(np.percentile(known, 99.8)) if known.size else 0.0) or 1.0
+    cells = []
+    for image, angle in zip(value.images, np.rad2deg(value.polarizer_rad), strict=True):
+        shown = np.nan_to_num(encode_srgb(reduced(image, most=SHEET_PIXELS) / white))
+        cell = cv2.copyMakeBorder(np.uint8(255 * shown), 26, 4, 4, 4, cv2.BORDER_CONSTANT, value=255)
+        cv2.putText(cell, f"{angle:.4g} deg", (8, 19), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0,), 1, cv2.LINE_AA)
+        cells.append(cell / np.float32(255))
+    columns = min(len(cells), 4)
+    cells += [np.ones_like(cells[0])] * (-len(cells) % columns)
+    yield _png(stem, np.vstack([np.hstack(cells[i : i + columns]) for i in range(0, len(cells), columns)]))
+
+
+def _exr(stem: Path, channels: dict[str, NDArray[Any]], **attributes: float | None) -> Path:
+    path = stem.with_name(f"{stem.name}.exr")
+    write_exr(path, channels, attributes)
+    return path
+
+
+def _png(stem: Path, rgb: NDArray[np.floating]) -> Path:
+    path = stem.with_name(f"{stem.name}.png")
+    write_bytes(path, png(rgb))
+    return path
+
+
+def _coloured(values: NDArray[np.floating], scale: Scale) -> NDArray[np.float32]:
+    return colours(values, scale.low, scale.high, scale.shades)
+
+
+WRITERS: dict[str, Callable[[Path, Any], Written]] = {
+    PolarizerSequence.__name__: _photos,
     OrientationMap.__name__: _orientation,
     PeriodMap.__name__: _period,
     GratingSample.__name__: _sample,

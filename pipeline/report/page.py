@@ -2,113 +2,154 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader
-from markupsafe import Markup
 
 from pipeline.data import PictureSeries
 from pipeline.errors import PipelineError
-from pipeline.report.figures import Picture, beside, figures_of
+from pipeline.parallel import threads
+from pipeline.report.figures import figures_of
 from pipeline.report.graph_picture import graph_svg
-from pipeline.report.naming import labelled
-from pipeline.runs import NodeRun, Run
+from pipeline.report.naming import Labelled, duration, flat, labelled, moment, prose
+from pipeline.report.pictures import Figure, beside
+from pipeline.report.view import NodeView, RunView
 
 TILES = 6
+STATES = {"ran": "ran", "cached": "from cache", "failed": "failed", "blocked": "blocked", "absent": "absent"}
 
 
 @dataclass(frozen=True)
 class Section:
-    """A node of the run with its figures."""
+    """A node of the run with its figures.
 
-    node: NodeRun
-    pictures: list[Picture]
-    settings: list[tuple[str, str, bool]]
-    metrics: list[Any]
+    Attributes
+    ----------
+    settings : list of tuple
+        Name, value, and "written", "default" or, inside a device that was written, "".
+    damage : str
+        Why its stored value cannot be read.
+    shown_with : tuple of str
+        Nodes beside whose pictures its own are shown.
+    repeats : dict of str to list of str
+        Titles of figures that look as those of another node do, by that node's name.
+    """
+
+    node: NodeView
+    figures: list[Figure]
+    metrics: list[Labelled]
+    settings: list[tuple[str, str, str]]
     damage: str = ""
+    shown_with: tuple[str, ...] = ()
+    repeats: dict[str, list[str]] = field(default_factory=dict)
 
 
-def page(run: Run) -> str:
+def page(run: RunView) -> str:
     """The report as one HTML text that needs nothing else."""
     nodes = list(run.nodes.values())
-    with ThreadPoolExecutor(2) as pool:
-        sections = list(pool.map(lambda node: _section(run, node), nodes))
-    template = Environment(loader=PackageLoader("pipeline.report"), autoescape=True).get_template("report.html.j2")
+    values, damages = _values(run)
+    together = _under_equal_lights(values)
+    shown_with = {name: tuple(names) for names in together for name in names}
+    with ThreadPoolExecutor(threads()) as pool:
+        drawn = pool.map(lambda node: [] if node.name in shown_with else _figures(node, values), nodes)
+        compared = list(pool.map(lambda names: beside({name: values[name] for name in names}), together))
+        sections = [
+            Section(
+                node,
+                figures,
+                [labelled(name, number) for name, number in getattr(values.get(node.name), "metrics", {}).items()],
+                [(name, shown, _origin(name, node.written)) for name, shown in flat(node.settings)],
+                damages.get(node.name, ""),
+                shown_with.get(node.name, ()),
+            )
+            for node, figures in zip(nodes, drawn, strict=True)
+        ]
+    _say_once(sections)
+    metrics = [labelled(name, value) for name, value in run.metrics.items()]
+    environment = Environment(
+        loader=PackageLoader("pipeline.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {"duration": duration, "moment": moment, "prose": prose}
     measured = [node for node in nodes if node.seconds is not None]
-    longest = max((node.seconds or 0.0 for node in measured), default=0.0)
-    return template.render(
+    return environment.get_template("report.html.j2").render(
         run=run,
-        tiles=[labelled(name, value) for name, value in run.metrics.items()][:TILES],
-        metrics=[labelled(name, value) for name, value in run.metrics.items()],
+        tiles=metrics[:TILES],
+        metrics=metrics,
         warnings=[(node.name, text) for node in nodes for text in node.warnings],
         troubled=[node for node in nodes if node.status in {"failed", "blocked"}],
-        graph=Markup(graph_svg(run.nodes)),
+        graph=graph_svg(run.nodes),
         sections=sections,
-        compared=_compared(run),
+        compared=compared,
         measured=measured,
-        longest=longest,
-        data_uri=_data_uri,
-        count={s: sum(node.status == s for node in nodes) for s in ("ran", "cached", "failed", "blocked", "absent")},
+        longest=max((node.seconds or 0.0 for node in measured), default=0.0) or 1.0,
+        states=STATES,
+        count={state: sum(node.status == state for node in nodes) for state in STATES},
     )
 
 
-def _section(run: Run, node: NodeRun) -> Section:
-    pictures, metrics, damage = [], [], ""
-    if node.artifact:
-        try:
-            value = run.value(node.name)
-            pictures = [] if isinstance(value, PictureSeries) and _partners(run, node.name) else figures_of(value)
-            metrics = [labelled(name, figure) for name, figure in getattr(value, "metrics", {}).items()]
-        except PipelineError as error:
-            damage = str(error)
-    settings = [(name, _shown(value), name in node.written) for name, value in _flat(node.settings)]
-    return Section(node, pictures, settings, metrics, damage)
+def _values(run: RunView) -> tuple[dict[str, Any], dict[str, str]]:
+    """Values by node, and why those that cannot be read cannot."""
+    values, damages = {}, {}
+    for name, node in run.nodes.items():
+        if node.artifact and run.has(name):
+            try:
+                values[name] = run.value(name)
+            except PipelineError as error:
+                damages[name] = str(error)
+    return values, damages
 
 
-def _partners(run: Run, name: str) -> list[str]:
-    """Other nodes with pictures under the same lights."""
-    series = _series(run)
-    if name not in series:
-        return []
-    lights = series[name].light_mm
-    return [n for n, other in series.items() if n != name and np.array_equal(other.light_mm, lights)]
+def _figures(node: NodeView, values: Mapping[str, Any]) -> list[Figure]:
+    return figures_of(values[node.name], _pixel_mm(node, values)) if node.name in values else []
 
 
-def _series(run: Run) -> dict[str, PictureSeries]:
-    return {n.name: run.value(n.name) for n in run.nodes.values() if n.artifact and n.type == PictureSeries.__name__}
+def _say_once(sections: list[Section]) -> None:
+    """Take away figures that have been shown for an earlier node, and say where."""
+    shown: dict[str, str] = {}
+    for section in sections:
+        for figure in list(section.figures):
+            first = shown.setdefault(figure.body, section.node.name)
+            if first != section.node.name:
+                section.figures.remove(figure)
+                section.repeats.setdefault(first, []).append(figure.title)
 
 
-def _compared(run: Run) -> list[tuple[list[str], Picture]]:
-    """Pictures of several nodes under the same lights, beside each other."""
-    series, done, found = _series(run), set(), []
-    for name in series:
-        partners = [name, *_partners(run, name)]
-        if len(partners) > 1 and name not in done:
-            done |= set(partners)
-            found.append((partners, beside([series[n] for n in partners])))
-    return found
+def _origin(name: str, written: frozenset[str]) -> str:
+    if name in written:
+        return "written"
+    return "" if name.partition(".")[0] in written else "default"
 
 
-def _flat(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    rows = []
-    for name, value in settings.items():
-        if isinstance(value, Mapping):
-            rows += _flat(value, f"{prefix}{name}.")
-        else:
-            rows.append((prefix + name, value))
-    return rows
+def _pixel_mm(node: NodeView, values: Mapping[str, Any]) -> float | None:
+    """Pixel pitch of a map that does not know its own: that of an input whose map has the same shape."""
+    shape = _shape(values[node.name])
+    for sources in node.inputs.values():
+        for source in sources:
+            pitch = getattr(values.get(source), "pixel_mm", None)
+            if pitch and shape and _shape(values[source]) == shape:
+                return float(pitch)
+    return None
 
 
-def _shown(value: Any) -> str:
-    if value is None:
-        return "null"
-    return str(value).lower() if isinstance(value, bool) else str(value)
+def _shape(value: Any) -> tuple[int, ...]:
+    """Rows and columns of a value's first map."""
+    arrays = (array for array in vars(value).values() if isinstance(array, np.ndarray) and array.ndim == 2)
+    return next((array.shape for array in arrays), ())
 
 
-def _data_uri(picture: Picture) -> str:
-    return "data:image/png;base64," + base64.b64encode(picture.png).decode()
+def _under_equal_lights(values: Mapping[str, Any]) -> list[list[str]]:
+    """Nodes with pictures under the same lights, where there are at least two."""
+    groups: list[list[str]] = []
+    for name, value in values.items():
+        if isinstance(value, PictureSeries):
+            same = (g for g in groups if np.array_equal(values[g[0]].light_mm, value.light_mm))
+            group = next(same, None)
+            if group is None:
+                groups.append([name])
+            else:
+                group.append(name)
+    return [group for group in groups if len(group) > 1]

@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from made_up_run import values_of_every_type
+
+from pipeline.report.pictures import beside, direction, photos, pictures
+
+
+@pytest.mark.parametrize(
+    ("light_mm", "azimuth", "elevation"),
+    [((1, 0, 1), 0, 45), ((0, 2, 0), 90, 0), ((-1, 0, np.sqrt(3)), 180, 60), ((0, -1, 1), -90, 45), ((0, 0, 5), 0, 90)],
+)
+def test_a_light_is_named_by_its_direction(light_mm: tuple[float, ...], azimuth: float, elevation: float) -> None:
+    assert direction(np.array(light_mm)) == pytest.approx((azimuth, elevation))
+
+
+def test_a_light_from_the_top_of_the_picture_is_drawn_above_the_middle_of_its_disc() -> None:
+    series = values_of_every_type()["torch"]
+    text = str(pictures(series)[0].body)
+    lamps = [(float(x), float(y)) for x, y in re.findall(r'class="lamp" cx="([\d.]+)" cy="([\d.]+)"', text)]
+    right, top, left = lamps
+    assert right[0] > 9
+    assert top[1] < 9
+    assert left[0] < 9
+
+
+def test_photographs_are_labelled_by_their_angle_and_mean() -> None:
+    value = values_of_every_type(count=4)["photos"]
+    text = str(photos(value)[0].body)
+    assert re.findall(r"<b>([\d.]+°)</b>", text) == ["0°", "45°", "90°", "135°"]
+    means = [float(mean) for mean in re.findall(r"mean ([\d.]+)", text)]
+    np.testing.assert_allclose(means, [image[value.valid].mean() for image in value.images], atol=1e-4)
+
+
+def test_many_lights_are_broken_into_rows_that_fit_the_page() -> None:
+    series = values_of_every_type()["torch"]
+    many = type(series)(series.rgb[:1].repeat(8, 0), np.tile([[0.0, 1.0, 1.0]], (8, 1)), series.camera_mm)
+    text = str(beside({"a": many, "b": many}).body)
+    assert re.findall(r"--count:(\d)", text) == ["6", "2"]
+    assert text.count("<img") == 16
+
+
+def test_a_dark_series_is_brightened_and_says_so() -> None:
+    series = values_of_every_type()["torch"]
+    dark = type(series)(series.rgb / 100, series.light_mm, series.camera_mm, series.pixel_mm, series.caption)
+    assert re.search(r"Shown at 1\d\d times the exposure", pictures(dark)[0].caption)
+    assert "exposure" not in pictures(series)[0].caption
