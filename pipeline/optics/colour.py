@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,25 +48,29 @@ def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def _colour_matching(wavelength_nm: Float64Array) -> Float64Array:
-    import colour
-
-    functions = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    functions = _library().MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
     return np.stack(
         [np.interp(wavelength_nm, functions.wavelengths, functions.values[:, i]) for i in range(3)], axis=-1
     )
 
 
 def _power(light: Spectrum, wavelength_nm: Float64Array) -> Float64Array:
-    import colour
-
     if light == "E":
         return np.ones_like(wavelength_nm)
-    spectrum = colour.SDS_ILLUMINANTS["A" if light == "inverse A" else light]
+    spectrum = _library().SDS_ILLUMINANTS["A" if light == "inverse A" else light]
     power = np.interp(wavelength_nm, spectrum.wavelengths, spectrum.values)
     return 1 / power if light == "inverse A" else power
 
 
 def _xyz_to_srgb() -> Float64Array:
+    return np.asarray(_library().models.RGB_COLOURSPACE_sRGB.matrix_XYZ_to_RGB, dtype=np.float64)
+
+
+def _library() -> Any:
+    """colour-science, which is slow to import and complains where matplotlib is missing, which nothing here needs."""
+    import warnings
+
+    warnings.filterwarnings("ignore", message='"Matplotlib" related API features are not available')
     import colour
 
-    return np.asarray(colour.models.RGB_COLOURSPACE_sRGB.matrix_XYZ_to_RGB, dtype=np.float64)
+    return colour

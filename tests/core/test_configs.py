@@ -47,6 +47,9 @@ def test_the_wheel_carries_the_configs_and_runs_elsewhere(tmp_path: Path) -> Non
         archive.extractall(installed)
     for path in configs_folder().rglob("*.yaml"):
         assert (installed / "pipeline" / "configs" / path.relative_to(configs_folder())).is_file()
+    for path in (ROOT / "pipeline").rglob("*"):
+        if path.is_file() and path.suffix in {".py", ".eds", ".css", ".j2"}:
+            assert (installed / path.relative_to(ROOT)).is_file()
     empty = tmp_path / "empty"
     empty.mkdir()
     environment = {**os.environ, "PYTHONPATH": str(installed)}
