@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import PipelineError
-from pipeline.files import write_text
 from pipeline.keys import Digest, digest, digest_array
 
 if TYPE_CHECKING:
@@ -41,12 +40,12 @@ def digest_of(description: Mapping[str, Any]) -> str:
 
 
 def write_artifact(folder: Path, description: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
-    """Write a value into an empty folder; ``meta.json`` comes last."""
+    """Write a value into an empty folder that has no name yet which counts."""
     import numpy as np
 
     for name, array in arrays.items():
         np.save(folder / name, np.ascontiguousarray(array), allow_pickle=False)
-    write_text(folder / META, json.dumps({"format": FORMAT, "value": description}, indent=1))
+    (folder / META).write_text(json.dumps({"format": FORMAT, "value": description}))
 
 
 def read_description(folder: Path) -> dict[str, Any]:
@@ -108,6 +107,17 @@ def read_artifact(folder: Path, types: Mapping[str, type], *, verify: bool) -> A
         return array
 
     return _rebuild(read_description(folder), types, load, folder)
+
+
+def rebuilt(description: Mapping[str, Any], types: Mapping[str, type], arrays: Mapping[str, np.ndarray]) -> Any:
+    """The value of a description and its arrays, as :func:`read_artifact` gives it, arrays read-only."""
+
+    def load(entry: Mapping[str, Any]) -> np.ndarray:
+        array = arrays[entry["array"]].copy()
+        array.flags.writeable = False
+        return array
+
+    return _rebuild(description, types, load, Path())
 
 
 def _describe(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import platform
 import shlex
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -15,15 +16,19 @@ from typing import Any
 from pipeline.catalog import Catalog
 from pipeline.config import Configuration, compose
 from pipeline.errors import PipelineError
-from pipeline.execute import Listener, Outcome, check_before_running, execute, scheduler
-from pipeline.files import FileDigests
-from pipeline.graph import DeviceRecipe, Graph, Node, build_graph
+from pipeline.execute import check_before_running, execute
+from pipeline.executors import Executor, executor_of
+from pipeline.files import FileDigests, as_yaml
+from pipeline.graph import Graph, Node, build_graph, plain
 from pipeline.keys import digest
+from pipeline.outcome import Listener, Outcome, Silent
 from pipeline.plan import Plan, make_plan
 from pipeline.provenance import commit, versions
 from pipeline.runs import NodeRun, Run, last_keys, open_run, remember_keys
+from pipeline.selection import forced, until
 from pipeline.source import Sources
 from pipeline.store import Store, data_types
+from pipeline.workbench import Workbench
 
 RUN_DIGEST_CHARACTERS = 8
 
@@ -54,8 +59,15 @@ class Experiment:
     graph: Graph
 
     @classmethod
-    def load(cls, overrides: Sequence[str]) -> Experiment:
+    def load(cls, overrides: Sequence[str], catalog: Catalog | None = None) -> Experiment:
         """Compose and check.
+
+        Parameters
+        ----------
+        overrides : sequence of str
+            Words of the command line.
+        catalog : Catalog, optional
+            What stages and devices there are, where that is known already.
 
         Raises
         ------
@@ -63,9 +75,11 @@ class Experiment:
             Whatever is wrong with the configuration.
         """
         configuration = compose(overrides)
-        paths = configuration.content.get("paths", {})
-        catalog = Catalog(Sources(Path(str(paths.get("store", "runs/.store"))) / "memory" / "sources.json"))
-        return cls(configuration, catalog, build_graph(configuration, catalog))
+        if catalog is None:
+            paths = configuration.content.get("paths", {})
+            catalog = Catalog(Sources(Path(str(paths.get("store", "runs/.store"))) / "memory" / "sources.json"))
+        graph = until(build_graph(configuration, catalog), configuration.content.get("until"))
+        return cls(configuration, catalog, graph)
 
     @property
     def name(self) -> str:
@@ -85,7 +99,9 @@ class Experiment:
     @property
     def digest(self) -> str:
         """Digest of the configuration, leaving out where results go and who computes them."""
-        ignored = {"paths", "executor", "recapture"}
+        ignored = {"paths", "executor", "recapture", "from", "force"} | (
+            set() if self.configuration.content.get("until") else {"until"}
+        )
         content = {k: v for k, v in self.configuration.content.items() if k not in ignored}
         return digest({"experiment": self.name, **content})[:RUN_DIGEST_CHARACTERS]
 
@@ -103,50 +119,47 @@ class Experiment:
         InputErrors
             Files that settings name are missing or cannot be read.
         """
-        files = FileDigests(self.store.memory / "files.json")
-        plan = make_plan(
+        content = self.configuration.content
+        return plan_of(
+            self,
             self.graph,
-            self.catalog.sources,
-            self.store,
-            files,
             last=last_keys(self.runs, self.name),
-            recapture=bool(self.configuration.content.get("recapture", False)),
+            forced=forced(self.graph, content.get("from"), content.get("force")),
         )
-        if plan.to_run and self.store.root.is_dir():
-            try:
-                files.remember()
-                self.catalog.sources.remember()
-            except OSError:
-                return plan
-        return plan
 
-    def run(self, listener: Listener) -> Run:
+    def run(self, listener: Listener, log: Callable[[str], None] = lambda text: None) -> Run:
         """Run what is not in the store yet, and keep the manifest; failures are in the run.
+
+        Parameters
+        ----------
+        listener : Listener
+            Hears how the run goes on.
+        log : callable, optional
+            Is told what else the user may want to know.
 
         Raises
         ------
         InputError, InputErrors
             Something is wrong that was found before any stage ran.
         """
-        from pipeline import report
-
         start = time.perf_counter()
-        run_graph = scheduler(self.configuration.content.get("executor", {}))
-        plan = self.plan()
-        if not plan.to_run and (known := self._finished(plan)) is not None:
-            for name, step in plan.steps.items():
-                listener.ended(Outcome(name, "cached", step.record, step.reason))
-            return known
-        if plan.to_run:
-            self.store.check_writable()
-            check_before_running(plan)
-        provenance = {"commit": commit(), "versions": versions()}
-        outcomes = execute(plan, self.store, listener, run_graph=run_graph, provenance=provenance)
-        run = self._run(outcomes, provenance, time.perf_counter() - start)
+        executor = executor_of(self.configuration.content.get("executor") or {}, log)
+        with self.store.in_use():
+            plan = self.plan()
+            if not plan.to_run and (known := self._finished(plan)) is not None:
+                for name, step in plan.steps.items():
+                    listener.ended(Outcome(name, "cached", step.record, step.reason))
+                return known
+            outcomes = carry_out(plan, self.store, executor, listener)
+            run = self.finish(outcomes, time.perf_counter() - start)
+            write_report(run)
+        return run
+
+    def finish(self, outcomes: Mapping[str, Outcome], seconds: float) -> Run:
+        """Keep the manifest of a run that ended so."""
+        run = self._run(outcomes, seconds)
         run.save()
         remember_keys(self.runs, run)
-        report.write_outputs(run)
-        report.write(run)
         return run
 
     def _finished(self, plan: Plan) -> Run | None:
@@ -165,9 +178,7 @@ class Experiment:
         }
         return replace(run, nodes=nodes)
 
-    def _run(self, outcomes: Mapping[str, Outcome], provenance: Mapping[str, Any], seconds: float) -> Run:
-        from omegaconf import OmegaConf
-
+    def _run(self, outcomes: Mapping[str, Outcome], seconds: float) -> Run:
         nodes = {name: _node_run(node, outcomes[name]) for name, node in self.graph.nodes.items()}
         nodes |= {name: NodeRun(name, reason=reason) for name, reason in self.graph.absent.items()}
         return Run(
@@ -180,26 +191,49 @@ class Experiment:
             description=str(self.configuration.content.get("description") or "").strip(),
             nodes=nodes,
             metrics=_metrics(sorted(nodes.values(), key=lambda n: n.name != "evaluate"), self.store),
-            config_yaml=OmegaConf.to_yaml(OmegaConf.create(self.configuration.content)),
-            versions=provenance["versions"],
-            commit=provenance["commit"],
+            config_yaml=as_yaml(self.configuration.content),
+            versions=versions(),
+            commit=commit(),
             host=platform.node(),
             finished=datetime.now(UTC).isoformat(timespec="seconds"),
             total_seconds=round(seconds, 3),
         )
 
 
-class Silent:
-    """A listener that says nothing."""
+def plan_of(experiment: Experiment, graph: Graph, **options: Any) -> Plan:
+    """Plan a graph on an experiment's store, and remember what looking at files and sources cost."""
+    files = FileDigests(experiment.store.memory / "files.json")
+    sources = experiment.catalog.sources
+    recapture = bool(experiment.configuration.content.get("recapture", False))
+    plan = make_plan(graph, sources, experiment.store, files, recapture=recapture, **options)
+    if plan.to_run and experiment.store.root.is_dir():
+        with suppress(OSError):
+            files.remember()
+            sources.remember()
+    return plan
 
-    def started(self, name: str) -> None:
-        """Hear that a stage has begun."""
 
-    def advanced(self, name: str, done: int, total: int) -> None:
-        """Hear that a stage has come further."""
+def carry_out(plan: Plan, store: Store, executor: Executor, listener: Listener) -> dict[str, Outcome]:
+    """Check what is left to run, and run it.
 
-    def ended(self, outcome: Outcome) -> None:
-        """Hear that a node is done with."""
+    Raises
+    ------
+    InputError, InputErrors
+        Something is wrong that was found before any stage ran.
+    """
+    if plan.to_run:
+        store.check_writable()
+        check_before_running(plan)
+    workbench = Workbench(store, listener, commit(), store.keep_provenance(versions()) if plan.to_run else "")
+    return execute(plan, workbench, executor)
+
+
+def write_report(run: Run) -> None:
+    """Write the files that a person opens."""
+    from pipeline import report
+
+    report.write_outputs(run)
+    report.write(run)
 
 
 def run(name: str, overrides: Iterable[str] = (), *, listener: Listener | None = None) -> Run:
@@ -240,7 +274,7 @@ def _node_run(node: Node, outcome: Outcome) -> NodeRun:
         summary=node.entry.summary,
         status=outcome.status,
         inputs={parameter: upstream or () for parameter, upstream in node.inputs.items()},
-        settings={name: _plain(value) for name, value in node.settings.items()},
+        settings={name: plain(value) for name, value in node.settings.items()},
         written=node.written,
         type=node.entry.type,
         key=record.key if record else "",
@@ -256,16 +290,6 @@ def _node_run(node: Node, outcome: Outcome) -> NodeRun:
         error=outcome.error,
         blocked_by=outcome.blocked_by,
     )
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, DeviceRecipe):
-        return {"device": value.entry.name, **{name: _plain(item) for name, item in value.settings.items()}}
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return value
 
 
 def _metrics(nodes: Iterable[NodeRun], store: Store) -> dict[str, float]:

@@ -13,7 +13,7 @@ from pipeline.errors import InputError, nearest
 if TYPE_CHECKING:
     import yaml
 
-OPEN_SECTIONS = ("graph", "rig")
+OPEN_SECTIONS = ("graph", "rig", "executor")
 """Sections whose settings are checked against signatures, so that an override may name one that no YAML writes."""
 
 

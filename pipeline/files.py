@@ -30,8 +30,18 @@ def write_bytes(path: Path, data: bytes) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def as_yaml(content: object) -> str:
+    """Plain values as YAML, in their order."""
+    import yaml
+
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    return str(yaml.dump(content, Dumper=dumper, sort_keys=False, allow_unicode=True, width=120))
+
+
 class FileDigests:
-    """Content digests of files and folders; a file is read again only when its size, time or place on disk changed.
+    """Content digests of files and folders; a file is read again only when its size, times or place changed.
+
+    The time of the last change of the file's status counts too, which no copy and no ``touch`` can set back.
 
     Parameters
     ----------
@@ -72,14 +82,14 @@ class FileDigests:
 
     def _file(self, path: Path) -> str:
         status = path.stat()
-        stamp = [status.st_size, status.st_mtime_ns, status.st_ino]
+        stamp = [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
         key = str(path.resolve())
         known = self._known.get(key)
-        if known is None or known[:3] != stamp:
+        if known is None or known[:-1] != stamp:
             known = [*stamp, digest_file(path)]
             self._known[key] = known
             self._fresh = True
-        return str(known[3])
+        return str(known[-1])
 
 
 def _files_below(folder: Path) -> list[str]:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import graphlib
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
-from pipeline.annotations import Annotation, check_setting
+from pipeline.annotations import Annotation, check_setting, parse_annotation
 from pipeline.catalog import Catalog, Entry
 from pipeline.config import Configuration
 from pipeline.errors import InputError, InputErrors, nearest
+from pipeline.gate import Needs
 
-RESERVED = ("stage", "when")
+RESERVED = ("stage", "when", "resources")
 DEVICE_RESERVED = ("device", "simulated")
 PROTOCOLS = "pipeline.devices.protocols."
 
@@ -38,6 +40,19 @@ class DeviceRecipe:
         return any(recipe.entry.signature.constants.get("physical") is True for recipe in self.walk())
 
 
+def plain(value: Any) -> Any:
+    """A setting as plain values: devices as mappings with their name under ``device``, paths as text."""
+    if isinstance(value, DeviceRecipe):
+        return {"device": value.entry.name, **{name: plain(item) for name, item in value.settings.items()}}
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, list):
+        return [plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {name: plain(item) for name, item in value.items()}
+    return value
+
+
 @dataclass(frozen=True)
 class Node:
     """One stage of the graph with its inputs and settings, all checked.
@@ -58,6 +73,8 @@ class Node:
         Settings that YAML or the command line wrote.
     path : str
         Path in the YAML.
+    needs : Needs
+        What it takes of a machine.
     """
 
     name: str
@@ -67,6 +84,7 @@ class Node:
     settings: Mapping[str, Any]
     written: frozenset[str]
     path: str
+    needs: Needs = field(default_factory=Needs)
 
     def upstream(self) -> tuple[str, ...]:
         """Names of all upstream nodes, each once."""
@@ -179,6 +197,30 @@ class _Builder:
             self.absent[name] = f"left out here ({path}.when is false)"
             return
         self._fill(name, path, entry, self._kept(name, path, entry, written))
+        if name in self.nodes:
+            self.nodes[name] = replace(self.nodes[name], needs=self._needs(f"{path}.resources", written))
+
+    def _needs(self, path: str, written: Mapping[str, Any]) -> Needs:
+        resources = written.get("resources") or {}
+        if not isinstance(resources, dict):
+            raise self._error(
+                f"'resources' is {resources!r}", path, expected="{memory_gb: a number, exclusive: true or false}"
+            )
+        known = {"memory_gb": parse_annotation("float", {}), "exclusive": parse_annotation("bool", {})}
+        found = {}
+        for key, value in resources.items():
+            if key not in known:
+                raise self._error(
+                    f"there is no resource '{key}'",
+                    f"{path}.{key}",
+                    expected="memory_gb or exclusive",
+                    hint=nearest(str(key), known),
+                )
+            try:
+                found[key] = check_setting(value, known[key], key)
+            except InputError as error:
+                raise error.at(self.configuration.where(f"{path}.{key}")) from None
+        return Needs(**found)
 
     def _kept(self, name: str, path: str, entry: Entry, written: Mapping[str, Any]) -> dict[str, Any]:
         """What the node writes, less what was written for the stage that an override replaced."""
@@ -328,7 +370,7 @@ class _Builder:
                         del self.nodes[node.name]
                         break
                 else:
-                    self.nodes[node.name] = Node(**{**vars(node), "inputs": inputs})
+                    self.nodes[node.name] = replace(node, inputs=inputs)
 
     def _check_edge(self, node: Node, parameter: str, source: str, names: set[str]) -> None:
         path = f"{node.path}.{parameter}"

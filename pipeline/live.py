@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from pipeline.execute import Listener, Outcome
+    from pipeline.outcome import Listener, Outcome
 
 
 class Display(Protocol):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,8 +11,9 @@ from pipeline.errors import InputError, InputErrors
 from pipeline.files import FileDigests
 from pipeline.graph import DeviceRecipe, Graph, Node
 from pipeline.keys import Digest, digest
-from pipeline.source import Sources
-from pipeline.store import Record, Store
+from pipeline.record import Record
+from pipeline.source import Code, Sources
+from pipeline.store import Store
 
 Inputs = Mapping[str, str | tuple[str, ...] | None]
 
@@ -25,18 +26,21 @@ class Task:
     ----------
     node : Node
         Stage, inputs and settings.
-    code : dict of str to (str, str)
-        Digests of code and text of every module the stage stands on.
+    code : Code
+        Every module the stage stands on.
     settings : dict
         Settings as they enter the key: files by content, devices by name and settings.
     session : int
         For captures of real devices: which capture this is.
+    forced : bool
+        Whether to compute it though the store has it.
     """
 
     node: Node
-    code: Mapping[str, tuple[str, str]]
+    code: Code
     settings: Mapping[str, Any]
     session: int = 0
+    forced: bool = False
 
     def key(self, inputs: Inputs) -> str:
         """Digest of the recipe, given the digests of the inputs' values."""
@@ -47,7 +51,7 @@ class Task:
         }
         if self.node.is_source:
             return digest({**recipe, "session": self.session})
-        return digest({**recipe, "code": {name: pair[0] for name, pair in self.code.items()}})
+        return digest({**recipe, "code": self.code.digest})
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,7 @@ def make_plan(
     *,
     last: Mapping[str, str] | None = None,
     recapture: bool = False,
+    forced: Mapping[str, str] | None = None,
 ) -> Plan:
     """Find what is in the store and what has to run.
 
@@ -105,6 +110,8 @@ def make_plan(
         Recipe key of each node in the last run of this experiment, to compare with.
     recapture : bool
         Whether to take the photographs of real devices anew.
+    forced : dict of str to str, optional
+        Nodes to compute though the store has them, and why.
 
     Raises
     ------
@@ -115,14 +122,18 @@ def make_plan(
     tasks, problems = {}, []
     for node in graph.nodes.values():
         try:
-            tasks[node.name] = _task(node, sources, store, files, recapture=recapture)
+            task = _task(node, sources, store, files, recapture=recapture)
+            tasks[node.name] = replace(task, forced=True) if forced and node.name in forced else task
         except InputError as error:
             problems.append(error)
     if problems:
         raise InputErrors(problems)
     steps: dict[str, Step] = {}
     for name, task in tasks.items():
-        steps[name] = _step(task, steps, store, last.get(name))
+        if task.forced and forced:
+            steps[name] = Step(task, "run", forced[name])
+        else:
+            steps[name] = _step(task, steps, store, last.get(name))
     _recompute_damaged(steps, store)
     return Plan(steps)
 
@@ -143,7 +154,7 @@ def _task(node: Node, sources: Sources, store: Store, files: FileDigests, *, rec
     modules = {node.entry.module}
     for device in node.devices():
         modules |= {recipe.entry.module for recipe in device.walk()}
-    code = {name: (m.code_digest, m.text_digest) for name, m in sources.closure(modules).items()}
+    code = sources.code(frozenset(modules))
     settings = {}
     for name, value in node.settings.items():
         try:
@@ -197,10 +208,10 @@ def _step(task: Task, steps: Mapping[str, Step], store: Store, last_key: str | N
     record = store.find(key)
     previous = store.record(last_key) if last_key else None
     if record is not None:
-        return Step(task, "cached", _kept_reason(task, record), record)
+        return Step(task, "cached", _kept_reason(task, record, store), record)
     if store.record(key) is not None:
         return Step(task, "run", "its result is no longer in the store")
-    return Step(task, "run", _changed_reason(task, inputs, previous))
+    return Step(task, "run", _changed_reason(task, inputs, previous, store))
 
 
 def _artifact(step: Step) -> str:
@@ -208,37 +219,41 @@ def _artifact(step: Step) -> str:
     return step.record.artifact
 
 
-def _kept_reason(task: Task, record: Record) -> str:
+def _kept_reason(task: Task, record: Record, store: Store) -> str:
+    if record.code == task.code.listing:
+        return "in the store"
+    before = store.provenance(record.code)
     reworded = [
         name
-        for name, (code, text) in task.code.items()
-        if name in record.code and record.code[name][0] == code and record.code[name][1] != text
+        for name, (code, text) in task.code.modules.items()
+        if name in before and before[name][0] == code and before[name][1] != text
     ]
     if reworded:
         return f"in the store; comments or docstrings changed in {_listed(reworded)}, the code did not"
-    if task.node.is_source and any(record.code.get(n, ("", ""))[0] != pair[0] for n, pair in task.code.items()):
+    if task.node.is_source and any(before.get(n, ("", ""))[0] != pair[0] for n, pair in task.code.modules.items()):
         return "in the store; the code changed since, but a capture is never taken again unless recapture=true"
     return "in the store"
 
 
-def _changed_reason(task: Task, inputs: Inputs, previous: Record | None) -> str:
+def _changed_reason(task: Task, inputs: Inputs, previous: Record | None, store: Store) -> str:
     if previous is None:
         return "never run"
+    before = store.provenance(previous.code)
     reasons = []
     if previous.stage != task.node.entry.name:
         reasons.append(f"stage changed: {previous.stage} -> {task.node.entry.name}")
     else:
         reasons += _changed_settings(previous.settings, task.settings)
-    changed = [n for n, pair in task.code.items() if n in previous.code and previous.code[n][0] != pair[0]]
+    changed = [n for n, pair in task.code.modules.items() if n in before and before[n][0] != pair[0]]
     if changed:
         reasons.append(f"code changed: {_listed(changed)}")
     if previous.stage == task.node.entry.name:
-        imports = sorted(set(task.code) ^ set(previous.code))
+        imports = sorted(set(task.code.modules) ^ set(before))
         if imports and not reasons:
             reasons.append(f"imports changed: {_listed(imports)}")
     for name, value in inputs.items():
-        before = previous.inputs.get(name)
-        if (list(before) if isinstance(before, list | tuple) else before) != (
+        old = previous.inputs.get(name)
+        if (list(old) if isinstance(old, list | tuple) else old) != (
             list(value) if isinstance(value, tuple) else value
         ):
             reasons.append(f"input '{name}' changed")

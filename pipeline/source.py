@@ -10,14 +10,14 @@ import ast
 import hashlib
 import importlib.util
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from pipeline.keys import DIGEST_CHARACTERS, digest_bytes
+from pipeline.keys import DIGEST_CHARACTERS, digest, digest_bytes
 
 ROOT = "pipeline"
 REQUIRED = "<required>"
@@ -70,6 +70,25 @@ def declared(group: str) -> list[str]:
     return sorted({point.value for point in entry_points(group=group)} - {group})
 
 
+@dataclass(frozen=True)
+class Code:
+    """The code that a stage stands on.
+
+    Attributes
+    ----------
+    modules : dict of str to (str, str)
+        Per module, the digest of its code and that of its text with comments and docstrings.
+    digest : str
+        Digest of the code alone, which enters recipe keys.
+    listing : str
+        Digest of ``modules``, which records refer to.
+    """
+
+    modules: Mapping[str, tuple[str, str]]
+    digest: str
+    listing: str
+
+
 class Sources:
     """Reads modules of ours; remembers by the digest of their text what parsing them gave.
 
@@ -82,6 +101,7 @@ class Sources:
     def __init__(self, memory: Path | None = None) -> None:
         self._memory = memory
         self._modules: dict[str, ModuleSource | None] = {}
+        self._codes: dict[frozenset[str], Code] = {}
         self._fresh = False
         self._parsed: dict[str, dict[str, Any]] = _remembered(memory)
 
@@ -149,6 +169,13 @@ class Sources:
             waiting += module.imports
             waiting.append(name.rpartition(".")[0])
         return dict(sorted(found.items()))
+
+    def code(self, modules: frozenset[str]) -> Code:
+        """The code of the named modules and of all that they import."""
+        if modules not in self._codes:
+            pairs = {name: (m.code_digest, m.text_digest) for name, m in self.closure(modules).items()}
+            self._codes[modules] = Code(pairs, digest({name: code for name, (code, _) in pairs.items()}), digest(pairs))
+        return self._codes[modules]
 
     def remember(self) -> None:
         """Keep what was parsed for the next process."""

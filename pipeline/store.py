@@ -12,8 +12,8 @@ import os
 import shutil
 import uuid
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,62 +24,20 @@ from pipeline.artifact import (
     is_whole,
     read_artifact,
     read_description,
+    rebuilt,
     write_artifact,
 )
 from pipeline.errors import InputError
 from pipeline.files import write_text
+from pipeline.keys import digest
+from pipeline.locks import locked, shared
+from pipeline.record import Record, record_content, record_of
 
-FORMAT = 1
-
-
-@dataclass(frozen=True)
-class Record:
-    """What is known of one result: the artifact, what it was made of, and what making it took.
-
-    Attributes
-    ----------
-    key : str
-        Digest of the recipe.
-    artifact : str
-        Digest of the value.
-    type : str
-        Name of the value's class.
-    stage : str
-        Name of the stage.
-    code : dict of str to (str, str)
-        Per module: digest of its code, and digest of its text with comments and docstrings.
-    settings : dict
-        Settings as they entered the key.
-    inputs : dict
-        Per parameter, the digests of the values that went in.
-    seconds, cpu_seconds, peak_mb : float
-        Wall time, CPU time of the stage's own threads, and the process' peak memory while it ran.
-    host, finished, commit : str
-        Where, when (ISO, UTC) and from which commit.
-    versions : dict of str to str
-        Versions of the libraries at hand.
-    warnings, notes : tuple of str
-        What the stage said.
-    """
-
-    key: str
-    artifact: str
-    type: str
-    stage: str
-    code: Mapping[str, tuple[str, str]]
-    settings: Mapping[str, Any]
-    inputs: Mapping[str, Any]
-    seconds: float = 0.0
-    cpu_seconds: float = 0.0
-    peak_mb: float = 0.0
-    host: str = ""
-    finished: str = ""
-    commit: str = ""
-    versions: Mapping[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+REMEMBERED_BYTES = 65_536
+"""Values no larger than this are remembered by the process that made them, and not read again."""
 
 
+@cache
 def data_types() -> dict[str, type]:
     """Classes that a stored value may have."""
     import inspect
@@ -105,6 +63,8 @@ class Store:
     def __init__(self, root: Path) -> None:
         self.root = root
         self._verified: set[str] = set()
+        self._remembered: dict[str, Any] = {}
+        self._provenance: dict[str, Mapping[str, Any]] = {}
 
     @property
     def memory(self) -> Path:
@@ -140,6 +100,10 @@ class Store:
         """File of a recipe."""
         return self.root / "recipes" / key[:2] / f"{key}.json"
 
+    def provenance_file(self, name: str) -> Path:
+        """File of what many records share."""
+        return self.root / "provenance" / f"{name}.json"
+
     def find(self, key: str) -> Record | None:
         """The record of a recipe whose value is there whole, or None."""
         record = self.record(key)
@@ -150,14 +114,8 @@ class Store:
     def record(self, key: str) -> Record | None:
         """The record of a recipe, whether or not its value is still there; None where there is none."""
         try:
-            content = json.loads(self.recipe_file(key).read_text())
-            if content.pop("format") != FORMAT or content["key"] != key:
-                return None
-            content["code"] = {name: tuple(pair) for name, pair in content["code"].items()}
-            content["warnings"] = tuple(content["warnings"])
-            content["notes"] = tuple(content["notes"])
-            return Record(**content)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return record_of(json.loads(self.recipe_file(key).read_bytes()), key)
+        except (OSError, ValueError):
             return None
 
     def put(self, value: object, *, sync: bool = False) -> str:
@@ -186,12 +144,33 @@ class Store:
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
         self._verified.add(artifact)
+        if sum(array.nbytes for array in arrays.values()) <= REMEMBERED_BYTES:
+            self._remembered[artifact] = rebuilt(description, data_types(), arrays)
         return artifact
 
     def keep(self, record: Record) -> None:
         """Keep the record of a recipe whose value has been put."""
-        text = json.dumps({"format": FORMAT, **asdict(record)}, indent=1)
-        write_text(self.recipe_file(record.key), text)
+        write_text(self.recipe_file(record.key), json.dumps(record_content(record)))
+
+    def keep_provenance(self, content: Mapping[str, Any]) -> str:
+        """Keep what many records share, such as a listing of code, and return its digest."""
+        name = digest(content)
+        if name not in self._provenance:
+            path = self.provenance_file(name)
+            if not path.is_file():
+                write_text(path, json.dumps(content, indent=1))
+            self._provenance[name] = content
+        return name
+
+    def provenance(self, name: str) -> Mapping[str, Any]:
+        """What was kept under that digest; empty where it is lost."""
+        if name not in self._provenance:
+            try:
+                content = json.loads(self.provenance_file(name).read_bytes())
+                self._provenance[name] = content if digest(content) == name else {}
+            except (OSError, ValueError, InputError):
+                return {}
+        return self._provenance[name]
 
     def get(self, artifact: str) -> Any:
         """The value of that digest, memory-mapped; checked against its digests when this store first reads it.
@@ -201,6 +180,8 @@ class Store:
         DamagedArtifact
             It is not what it was; it has been set aside, and the next run computes it again.
         """
+        if artifact in self._remembered:
+            return self._remembered[artifact]
         try:
             value = read_artifact(self.object_folder(artifact), data_types(), verify=artifact not in self._verified)
             if artifact not in self._verified and digest_of(read_description(self.object_folder(artifact))) != artifact:
@@ -222,6 +203,7 @@ class Store:
     def set_aside(self, artifact: str) -> None:
         """Move a damaged value out of the way, to ``damaged/``, for whoever wants to look into it."""
         self._verified.discard(artifact)
+        self._remembered.pop(artifact, None)
         folder = self.object_folder(artifact)
         if folder.exists():
             target = self.root / "damaged" / f"{artifact}-{uuid.uuid4().hex[:8]}"
@@ -231,12 +213,26 @@ class Store:
     @contextmanager
     def lock(self, key: str) -> Iterator[None]:
         """Only one process at a time works on a recipe; the lock ends with the process that holds it."""
-        from filelock import FileLock
-
-        folder = self.root / "locks"
-        folder.mkdir(parents=True, exist_ok=True)
-        with FileLock(folder / f"{key}.lock"):
+        with locked(self.root / "locks" / key):
             yield
+
+    @contextmanager
+    def in_use(self) -> Iterator[None]:
+        """Keep :mod:`pipeline.clean` away while results are looked up and made; any number may."""
+        with ExitStack() as held:
+            if self.root.is_dir():
+                with suppress(OSError):
+                    held.enter_context(shared(self.root / "in-use"))
+            yield
+
+    def __reduce__(self) -> tuple[Any, tuple[Path]]:
+        return _store_of_this_process, (self.root.absolute(),)
+
+
+@cache
+def _store_of_this_process(root: Path) -> Store:
+    """One store a process, so that what one task has read and checked need not be again by the next."""
+    return Store(root)
 
 
 def _sync(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from pathlib import Path
@@ -18,24 +19,54 @@ class PeakMemory:
 
     def __init__(self) -> None:
         self.peak_mb = 0.0
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._sample, daemon=True)
 
     def __enter__(self) -> PeakMemory:
         self.peak_mb = resident_mb()
-        self._thread.start()
+        _SAMPLER.watch(self)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._stop.set()
-        self._thread.join()
+        _SAMPLER.leave(self)
         self.peak_mb = max(self.peak_mb, resident_mb())
 
+
+class _Sampler:
+    """One thread that looks for all meters, and sleeps while there are none."""
+
+    def __init__(self) -> None:
+        self._meters: set[PeakMemory] = set()
+        self._some = threading.Condition()
+        self._process = 0
+
+    def watch(self, meter: PeakMemory) -> None:
+        with self._some:
+            if self._process != os.getpid():
+                self._process, self._meters = os.getpid(), set()
+                threading.Thread(target=self._sample, daemon=True, name="peak memory").start()
+            self._meters.add(meter)
+            if len(self._meters) == 1:
+                self._some.notify()
+
+    def leave(self, meter: PeakMemory) -> None:
+        with self._some:
+            self._meters.discard(meter)
+
     def _sample(self) -> None:
-        while not self._stop.wait(_INTERVAL_S):
-            self.peak_mb = max(self.peak_mb, resident_mb())
+        pause = threading.Event()
+        while True:
+            with self._some:
+                while not self._meters:
+                    self._some.wait()
+            pause.wait(_INTERVAL_S)
+            now = resident_mb()
+            with self._some:
+                for meter in self._meters:
+                    meter.peak_mb = max(meter.peak_mb, now)
+
+
+_SAMPLER = _Sampler()
 
 
 def resident_mb() -> float:

@@ -10,7 +10,8 @@ import pytest
 
 import pipeline.config
 import pipeline.source
-from pipeline.bench import Experiment, Silent
+from pipeline.bench import Experiment
+from pipeline.outcome import Silent
 from pipeline.runs import Run
 
 HELPER = '''
@@ -25,6 +26,9 @@ STAGES = '''
 from __future__ import annotations
 
 import logging
+import os
+import signal
+import time
 from pathlib import Path
 from typing import Literal
 
@@ -70,6 +74,25 @@ def compare(maps: PeriodMap, truth: PeriodMap) -> Metrics:
 def fails(maps: PeriodMap, *, message: str = "the toy broke") -> PeriodMap:
     """Fail."""
     raise RuntimeError(message)
+
+
+def kills_its_process(maps: PeriodMap, *, unless: str = "") -> PeriodMap:
+    """Kill the process; once only, where a file remembers it."""
+    if unless and Path(unless).is_file():
+        return maps
+    if unless:
+        Path(unless).touch()
+    os.kill(os.getpid(), signal.SIGKILL)
+    return maps
+
+
+def slow(maps: PeriodMap, *, name: str, log: str) -> PeriodMap:
+    """Take a while, and write down from when to when."""
+    start = time.time()
+    time.sleep(0.3)
+    with Path(log, "spans.txt").open("a") as file:
+        file.write(f"{name} {start} {time.time()}\\n")
+    return maps
 
 
 def turn(maps: PeriodMap) -> OrientationMap:
@@ -152,6 +175,9 @@ graph:
 """
 
 
+EXECUTORS = ("executor/processes.yaml", "executor/distributed.yaml")
+
+
 class Toys:
     """The toy package and an empty folder for results."""
 
@@ -176,7 +202,7 @@ class Toys:
         (self.configs / "executor").mkdir()
         (self.configs / "rig").mkdir()
         original = pipeline.config.configs_folder()
-        for name in ("config.yaml", "executor/threads.yaml", "executor/serial.yaml"):
+        for name in ("config.yaml", "executor/threads.yaml", "executor/serial.yaml", *EXECUTORS):
             (self.configs / name).write_text((original / name).read_text())
         self.experiment.write_text(EXPERIMENT)
 
