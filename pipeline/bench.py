@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.catalog import Catalog
-from pipeline.config import Configuration, compose
+from pipeline.compose import compose
+from pipeline.config import Configuration
 from pipeline.errors import PipelineError
 from pipeline.execute import check_before_running, execute
 from pipeline.executors import Executor, executor_of
@@ -59,13 +60,17 @@ class Experiment:
     graph: Graph
 
     @classmethod
-    def load(cls, overrides: Sequence[str], catalog: Catalog | None = None) -> Experiment:
+    def load(
+        cls, overrides: Sequence[str], folders: Sequence[Path] = (), *, catalog: Catalog | None = None
+    ) -> Experiment:
         """Compose and check.
 
         Parameters
         ----------
         overrides : sequence of str
             Words of the command line.
+        folders : sequence of Path
+            Folders of YAML files besides ours.
         catalog : Catalog, optional
             What stages and devices there are, where that is known already.
 
@@ -74,7 +79,11 @@ class Experiment:
         InputError, InputErrors
             Whatever is wrong with the configuration.
         """
-        configuration = compose(overrides)
+        return cls.of(compose(overrides, folders), catalog)
+
+    @classmethod
+    def of(cls, configuration: Configuration, catalog: Catalog | None = None) -> Experiment:
+        """Check a composed configuration."""
         if catalog is None:
             paths = configuration.content.get("paths", {})
             catalog = Catalog(Sources(Path(str(paths.get("store", "runs/.store"))) / "memory" / "sources.json"))
@@ -109,7 +118,8 @@ class Experiment:
     def command(self) -> str:
         """The command that runs it again."""
         words = [o.text if o.path != "experiment" else f"+{o.text}" for o in self.configuration.overrides]
-        return shlex.join(["python", "-m", "pipeline", *words])
+        folders = [f"--config-dir={folder}" for folder in self.configuration.folders]
+        return shlex.join(["python", "-m", "pipeline", *folders, *words])
 
     def plan(self) -> Plan:
         """Find out what would run.
@@ -236,7 +246,13 @@ def write_report(run: Run) -> None:
     report.write(run)
 
 
-def run(name: str, overrides: Iterable[str] = (), *, listener: Listener | None = None) -> Run:
+def run(
+    name: str,
+    overrides: Iterable[str] = (),
+    *,
+    config_dir: str | Path | None = None,
+    listener: Listener | None = None,
+) -> Run:
     """Run an experiment, as ``python -m pipeline +experiment=NAME OVERRIDES`` does.
 
     Parameters
@@ -245,6 +261,8 @@ def run(name: str, overrides: Iterable[str] = (), *, listener: Listener | None =
         Name of the experiment.
     overrides : iterable of str
         Overrides as on the command line, such as ``"graph.photos.count=6"``.
+    config_dir : path, optional
+        A folder of your own experiments and rigs, laid out as ``configs/``.
     listener : Listener, optional
         Hears how the run goes on.
 
@@ -260,7 +278,9 @@ def run(name: str, overrides: Iterable[str] = (), *, listener: Listener | None =
     RunFailed
         A stage failed; ``error.run`` holds what was finished.
     """
-    done = Experiment.load([f"+experiment={name}", *overrides]).run(listener or Silent())
+    words = [overrides] if isinstance(overrides, str) else list(overrides)
+    folders = [] if config_dir is None else [Path(config_dir)]
+    done = Experiment.load([f"+experiment={name}", *words], folders).run(listener or Silent())
     if done.failed:
         raise RunFailed(done)
     return done

@@ -56,7 +56,7 @@ class InputErrors(PipelineError):
         super().__init__(self.errors)
 
     def __str__(self) -> str:
-        return "\n".join(str(error) for error in self.errors)
+        return "\nerror: ".join(str(error) for error in self.errors)
 
 
 class DeviceError(PipelineError):

@@ -182,6 +182,11 @@ class _Builder:
         if not isinstance(when, bool):
             raise self._error(f"'when' of node '{name}' is {when!r}", f"{path}.when", expected="true or false")
         stage = written.get("stage")
+        if "stage" not in written and self.configuration.written_by_override(path):
+            others = [other for other in self.configuration.content["graph"] if other != name]
+            raise self._error(
+                f"there is no node '{name}'", path, expected="the name of a node", hint=nearest(name, others)
+            )
         if not isinstance(stage, str) or stage == "???":
             raise self._error(
                 f"node '{name}' names no stage",

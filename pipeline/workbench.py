@@ -84,7 +84,7 @@ class Workbench:
             with self.store.lock(key):
                 record = None if task.forced else self.store.find(key)
                 if record is not None and self.store.sound(record.artifact):
-                    same = "its inputs came out as before" if rippled else "computed by another run meanwhile"
+                    same = "its inputs came out as before" if rippled else "in the store"
                     return Outcome(name, "cached", record, same)
                 with self.gate.passing(task.node.needs) if self.gate else nullcontext():
                     self.listener.started(name)

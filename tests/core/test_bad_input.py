@@ -8,7 +8,7 @@ import re
 import pytest
 from toys import Toys
 
-from pipeline.config import compose
+from pipeline.compose import compose
 from pipeline.errors import InputError, InputErrors
 
 

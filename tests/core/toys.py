@@ -244,6 +244,7 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toys:
     monkeypatch.setattr("pipeline.source.declared", declared)
     monkeypatch.setattr("pipeline.catalog.declared", declared)
     monkeypatch.setattr("pipeline.config.configs_folder", lambda: made.configs)
+    monkeypatch.setattr("pipeline.compose.configs_folder", lambda: made.configs)
     monkeypatch.setattr("pipeline.report.write", _page, raising=False)
     monkeypatch.setattr("pipeline.report.write_outputs", lambda run: [], raising=False)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
