@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
@@ -13,39 +14,69 @@ USAGE = """\
 optibench - a bench for optical-measurement experiments
 
   python -m pipeline +experiment=NAME [SETTING=VALUE ...]      run an experiment
+  python -m pipeline -m +experiment=NAME SETTING=A,B,C ...     run it for every combination, as one graph
   python -m pipeline why +experiment=NAME [SETTING=VALUE ...]  what would run, and why; runs nothing
-  python -m pipeline list [experiments|stages|devices|rigs|runs]
-  python -m pipeline show STAGE_OR_DEVICE                      its manual, inputs and settings
+  python -m pipeline list [experiments|rigs|executors|stages|devices|runs]
+  python -m pipeline show NAME                                 manual of a stage or device; YAML of an experiment or rig
   python -m pipeline export RUN NODE FOLDER                    write a node's photographs as a folder to replay
 
 options
-  -q, --quiet    print nothing but the place of the report, and errors
-  -h, --help     this text
+  -m, --multirun     sweep: values may be lists a,b,c, range(1,5), choice(...), glob(fit.*)
+  --config-dir DIR   a folder of your own experiments and rigs, laid out as configs/
+  -q, --quiet        print nothing but the place of the report, and errors
+  -h, --help         this text
+  --version          the version
 
 examples
   python -m pipeline +experiment=polarization_logo
   python -m pipeline +experiment=polarization_logo graph.photos.count=6
   python -m pipeline +experiment=polarization_logo rig=replay rig.folder=my_photos
+  python -m pipeline -m +experiment=polarization_logo graph.photos.count=4,6,12
+  python -m pipeline +experiment=polarization_logo until=fit force=fit
   python -m pipeline show fit.cosine
 
-`optibench` does the same as `python -m pipeline`. Exit status: 0 done, 1 a stage failed, 2 wrong input.
+`optibench` does the same as `python -m pipeline`.
+Exit status: 0 done, 1 a stage failed, 2 wrong input, 130 interrupted.
 """
 
-COMMANDS = ("run", "why", "list", "show", "export")
+
+@dataclass(frozen=True)
+class Line:
+    """A command line taken apart.
+
+    Attributes
+    ----------
+    words : tuple of str
+        What is left: overrides, names, files.
+    quiet, multirun : bool
+        Options.
+    folders : tuple of Path
+        Folders of YAML files besides ours.
+    """
+
+    words: tuple[str, ...]
+    quiet: bool = False
+    multirun: bool = False
+    folders: tuple[Path, ...] = ()
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Carry out a command line and return its exit status: 0 done, 1 a stage failed, 2 wrong input."""
-    words = [word for word in arguments if word not in {"-q", "--quiet"}]
-    quiet = len(words) != len(arguments)
-    if not words or words[0] in {"-h", "--help", "help"}:
+    """Carry out a command line and return its exit status."""
+    if not arguments or {"-h", "--help", "help"} & set(arguments):
         print(USAGE, end="")
-        return 0 if words else 2
+        return 0 if arguments else 2
+    if "--version" in arguments:
+        from pipeline.provenance import own_version
+
+        print(own_version())
+        return 0
     try:
-        command = words[0] if words[0] in COMMANDS else "run"
-        rest = words[1:] if words[0] in COMMANDS else words
-        _check_words(command, rest)
-        return {"run": _run, "why": _why, "list": _list, "show": _show, "export": _export}[command](rest, quiet=quiet)
+        line = _taken_apart(arguments)
+        command = line.words[0] if line.words and line.words[0] in COMMANDS else "run"
+        rest = Line(line.words[command == line.words[0] :], line.quiet, line.multirun, line.folders)
+        if command in TAKES_OVERRIDES:
+            _check_overrides(rest)
+        return COMMANDS[command](rest)
     except (InputError, InputErrors) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -57,33 +88,56 @@ def main(arguments: Sequence[str]) -> int:
         return 130
 
 
-def _check_words(command: str, words: Sequence[str]) -> None:
-    for word in words:
-        if word.startswith("-"):
-            raise InputError(
-                f"there is no option '{word}'", where="command line", hint=nearest(word, ["--quiet", "--help"])
-            )
-        if command in {"run", "why"} and "=" not in word and not word.startswith("~"):
+def _taken_apart(arguments: Sequence[str]) -> Line:
+    words: list[str] = []
+    folders: list[Path] = []
+    flags: set[str] = set()
+    waiting = list(arguments)
+    while waiting:
+        word = waiting.pop(0)
+        if word in {"-q", "--quiet", "-m", "--multirun"}:
+            flags.add(word.lstrip("-")[0])
+        elif word == "--config-dir" or word.startswith("--config-dir="):
+            folder = word.partition("=")[2] or (waiting.pop(0) if waiting else "")
+            if not folder:
+                raise InputError("--config-dir names no folder", where="command line", expected="--config-dir DIR")
+            folders.append(Path(folder))
+        elif word.startswith("-"):
+            known = ["--quiet", "--help", "--multirun", "--config-dir", "--version"]
+            raise InputError(f"there is no option '{word}'", where="command line", hint=nearest(word, known))
+        else:
+            words.append(word)
+    if not words:
+        raise InputError("nothing is asked for", where="command line", expected="see python -m pipeline --help")
+    return Line(tuple(words), "q" in flags, "m" in flags, tuple(folders))
+
+
+def _check_overrides(line: Line) -> None:
+    from pipeline.config import options
+
+    for word in line.words:
+        if "=" not in word and not word.startswith("~"):
+            experiments = options("experiment", line.folders)
             raise InputError(
                 f"'{word}' is neither a command nor SETTING=VALUE",
                 where="command line",
                 expected="see python -m pipeline --help",
-                hint=nearest(word, COMMANDS),
+                hint=f"did you mean '+experiment={word}'?" if word in experiments else nearest(word, COMMANDS),
             )
 
 
-def _run(words: Sequence[str], *, quiet: bool) -> int:
+def _run(line: Line) -> int:
     from pipeline.bench import Experiment, RunFailed
     from pipeline.live import Counter, display
 
     start = time.perf_counter()
-    experiment = Experiment.load(words)
+    experiment = Experiment.load(line.words, line.folders)
     for remark in experiment.graph.remarks:
         print(remark, file=sys.stderr)
-    with display(quiet=quiet) as shown:
+    with display(quiet=line.quiet) as shown:
         counter = Counter(shown)
-        run = experiment.run(counter)
-    if not quiet:
+        run = experiment.run(counter, _to_stderr(line))
+    if not line.quiet:
         for name, figure in run.metrics.items():
             print(f"{name:>36}  {figure:.6g}")
         print(f"{counter.summary()}, {time.perf_counter() - start:.1f} s")
@@ -94,10 +148,10 @@ def _run(words: Sequence[str], *, quiet: bool) -> int:
     return 0
 
 
-def _why(words: Sequence[str], *, quiet: bool) -> int:
+def _why(line: Line) -> int:
     from pipeline.bench import Experiment
 
-    experiment = Experiment.load(words)
+    experiment = Experiment.load(line.words, line.folders)
     plan = experiment.plan()
     for remark in experiment.graph.remarks:
         print(remark)
@@ -113,35 +167,57 @@ def _why(words: Sequence[str], *, quiet: bool) -> int:
     return 0
 
 
-def _list(words: Sequence[str], *, quiet: bool) -> int:
-    from pipeline.listing import LISTS
+def _list(line: Line) -> int:
+    from pipeline.listing import LISTS, Places
 
-    wanted = list(words) or ["experiments", "rigs", "stages", "devices", "runs"]
+    runs = next((word.partition("=")[2] for word in line.words if word.startswith("paths.runs=")), "runs")
+    wanted = [word for word in line.words if not word.startswith("paths.runs=")] or list(LISTS)
     for name in wanted:
         if name not in LISTS:
             raise InputError(f"there is no list of '{name}'", where="command line", hint=nearest(name, LISTS))
     for name in wanted:
         print(f"{name}:")
-        for entry, line in LISTS[name]():
-            print(f"  {entry:<32} {line}".rstrip())
+        for entry, text in LISTS[name](Places(line.folders, Path(runs))):
+            print(f"  {entry:<32} {text}".rstrip())
     return 0
 
 
-def _show(words: Sequence[str], *, quiet: bool) -> int:
-    from pipeline.listing import manual
+def _show(line: Line) -> int:
+    from pipeline.listing import Places, manual
 
-    if len(words) != 1:
+    if len(line.words) != 1:
         raise InputError("show takes one name", where="command line", expected="python -m pipeline show fit.cosine")
-    print(manual(words[0]))
+    print(manual(line.words[0], Places(line.folders)))
     return 0
 
 
-def _export(words: Sequence[str], *, quiet: bool) -> int:
+def _export(line: Line) -> int:
     from pipeline.export import export_photos
     from pipeline.runs import open_run
 
-    if len(words) != 3:
+    if len(line.words) != 3:
         raise InputError("export takes three words", where="command line", expected="export RUN NODE FOLDER")
-    run, node, folder = words
+    run, node, folder = line.words
     print(export_photos(open_run(Path(run)), node, Path(folder)))
     return 0
+
+
+def _to_stderr(line: Line) -> Callable[[str], None]:
+    """Where to say what is neither a result nor an error."""
+
+    def say(text: str) -> None:
+        if not line.quiet:
+            print(text, file=sys.stderr, flush=True)
+
+    return say
+
+
+COMMANDS: dict[str, Callable[[Line], int]] = {
+    "run": _run,
+    "why": _why,
+    "list": _list,
+    "show": _show,
+    "export": _export,
+}
+
+TAKES_OVERRIDES = ("run", "why")

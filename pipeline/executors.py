@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
@@ -11,6 +12,7 @@ from typing import Any, Protocol
 from pipeline.errors import InputError, PipelineError, nearest
 from pipeline.outcome import Listener, Outcome
 from pipeline.parallel import cores
+from pipeline.progress import go_on, stop
 from pipeline.workbench import Workbench
 
 TaskName = tuple[str, str]
@@ -100,8 +102,16 @@ class InThisProcess:
         with _heard(workbench.listener) as ended:
             if self.workers == 1:
                 get_sync(whole, names)
-            else:
-                get(whole, names, num_workers=self.workers)
+                return ended
+            with ThreadPoolExecutor(self.workers) as pool:
+                try:
+                    get(whole, names, pool=pool)
+                except KeyboardInterrupt:
+                    stop()
+                    pool.shutdown(cancel_futures=True)
+                    raise
+                finally:
+                    go_on()
         return ended
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from pipeline.catalog import Catalog, Entry
@@ -12,60 +14,89 @@ from pipeline.errors import InputError, PipelineError, nearest
 from pipeline.runs import MANIFEST, open_run
 from pipeline.source import REQUIRED, Sources
 
+Rows = Iterator[tuple[str, str]]
 
-def _experiments() -> Iterator[tuple[str, str]]:
-    for name, path in options("experiment").items():
+
+@dataclass(frozen=True)
+class Places:
+    """Where to look: folders of YAML files besides ours, and the folder of the runs."""
+
+    folders: Sequence[Path] = ()
+    runs: Path = Path("runs")
+
+
+def _options(group: str, places: Places) -> Rows:
+    for name, path in options(group, places.folders).items():
         yield name, _first_comment(path)
 
 
-def _rigs() -> Iterator[tuple[str, str]]:
-    for name, path in options("rig").items():
-        yield name, _first_comment(path)
-
-
-def _stages() -> Iterator[tuple[str, str]]:
+def _stages(places: Places) -> Rows:
     for name, entry in sorted(Catalog(Sources()).stages.items()):
         yield name, entry.summary
 
 
-def _devices() -> Iterator[tuple[str, str]]:
+def _devices(places: Places) -> Rows:
     for name, entry in sorted(Catalog(Sources()).devices.items()):
-        if not entry.module.endswith(".protocols") and not entry.signature.fault:
+        if is_device(entry):
             yield name, entry.summary
 
 
-def _runs() -> Iterator[tuple[str, str]]:
-    for path in sorted(Path("runs").glob(f"*/*/{MANIFEST}")):
+def is_device(entry: Entry) -> bool:
+    """Whether a class in a module of devices is one that a rig would name, not a value or a helper of it."""
+    return not (entry.module.endswith(".protocols") or entry.signature.fault or entry.signature.decorated)
+
+
+def _runs(places: Places) -> Rows:
+    """Runs, the latest first, with their state and what was set."""
+    found = []
+    for path in places.runs.glob(f"*/*/{MANIFEST}"):
         try:
             run = open_run(path.parent)
         except PipelineError as error:
-            yield str(path.parent), f"cannot be read: {error}"
+            found.append(("", str(path.parent), f"cannot be read: {error}"))
             continue
-        yield str(path.parent), f"{run.finished}  {' '.join(o for o in run.overrides if 'experiment=' not in o)}"
+        words = " ".join(o for o in run.overrides if not o.startswith("experiment="))
+        state = "failed" if run.failed else "done"
+        found.append((run.finished, str(path.parent), f"{run.finished}  {state:<6}  {words}"))
+    for _, path_text, line in sorted(found, reverse=True):
+        yield path_text, line
 
 
-LISTS: dict[str, Callable[[], Iterator[tuple[str, str]]]] = {
-    "experiments": _experiments,
-    "rigs": _rigs,
+LISTS: dict[str, Callable[[Places], Rows]] = {
+    "experiments": partial(_options, "experiment"),
+    "rigs": partial(_options, "rig"),
+    "executors": partial(_options, "executor"),
     "stages": _stages,
     "devices": _devices,
     "runs": _runs,
 }
 
 
-def manual(name: str) -> str:
-    """The manual of a stage or device: signature as YAML sees it, and its docstring.
+def manual(name: str, places: Places | None = None) -> str:
+    """The manual of a stage or device, or the YAML of an experiment, a rig or an executor.
 
     Raises
     ------
     InputError
-        There is no stage and no device of that name.
+        There is nothing of that name.
     """
+    places = places or Places()
     catalog = Catalog(Sources())
     everything = {**catalog.devices, **catalog.stages}
+    files = {
+        n: path for group in ("executor", "rig", "experiment") for n, path in options(group, places.folders).items()
+    }
+    if name not in everything and name in files:
+        return f"# {files[name]}\n{files[name].read_text().rstrip()}"
     if name not in everything:
-        raise InputError(f"there is no stage or device '{name}'", where="command line", hint=nearest(name, everything))
+        raise InputError(
+            f"there is no stage, device, experiment or rig '{name}'",
+            where="command line",
+            hint=nearest(name, [*(n for n, e in everything.items() if not e.module.endswith(".protocols")), *files]),
+        )
     entry = everything[name]
+    if entry.signature.fault:
+        raise InputError(f"'{name}' cannot be used: {entry.signature.fault}", where=f"{entry.module}.py")
     kind = "device" if entry.signature.is_class else "stage"
     lines = [f"{kind} {name}  ({entry.module})", "", inspect.cleandoc(entry.signature.doc), ""]
     lines += _table("inputs", entry, settings=False) + _table("settings", entry, settings=True)

@@ -50,12 +50,13 @@ class PlainLog:
         """Say nothing."""
 
     def ended(self, outcome: Outcome) -> None:
-        """Print how a stage ended; cached ones are only counted."""
-        if self.quiet or outcome.status == "cached":
+        """Print how a stage ended; of cached ones only the warnings."""
+        if self.quiet:
             return
-        print(line_of(outcome), file=sys.stderr, flush=True)
-        for warning in warnings_of(outcome):
-            print(f"          warning: {warning}", file=sys.stderr, flush=True)
+        if outcome.status != "cached":
+            print(line_of(outcome), file=sys.stderr, flush=True)
+        for line in warning_lines(outcome):
+            print(line, file=sys.stderr, flush=True)
 
 
 class LiveBars:
@@ -101,12 +102,11 @@ class LiveBars:
 
         if outcome.name in self._bars:
             self._progress.remove_task(self._bars.pop(outcome.name))
-        if outcome.status == "cached":
-            return
-        colour = {"ran": "green", "failed": "red", "blocked": "yellow"}[outcome.status]
-        self._progress.console.print(Text(line_of(outcome), style=colour))
-        for warning in warnings_of(outcome):
-            self._progress.console.print(Text(f"          warning: {warning}", style="yellow"))
+        if outcome.status != "cached":
+            colour = {"ran": "green", "failed": "red", "blocked": "yellow"}[outcome.status]
+            self._progress.console.print(Text(line_of(outcome), style=colour))
+        for line in warning_lines(outcome):
+            self._progress.console.print(Text(line, style="yellow"))
 
 
 class Counter:
@@ -136,6 +136,7 @@ def line_of(outcome: Outcome) -> str:
     return f"{outcome.status:>8}  {seconds}  {outcome.name}" + (f"  ({tail})" if tail else "")
 
 
-def warnings_of(outcome: Outcome) -> tuple[str, ...]:
-    """What the stage warned of."""
-    return outcome.record.warnings if outcome.record else ()
+def warning_lines(outcome: Outcome) -> list[str]:
+    """What the stage warned of, now or when it was computed."""
+    place = f" ({outcome.name}, from the store)" if outcome.status == "cached" else ""
+    return [f"          warning{place}: {text}" for text in (outcome.record.warnings if outcome.record else ())]

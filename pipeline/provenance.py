@@ -28,8 +28,37 @@ def versions() -> dict[str, str]:
     return found
 
 
+def own_version() -> str:
+    """Name and version of this distribution."""
+    try:
+        return f"{DISTRIBUTION} {version(DISTRIBUTION)}"
+    except PackageNotFoundError:
+        return f"{DISTRIBUTION} from a checkout"
+
+
+CHANGED = " with local changes"
+
+
 def commit() -> str:
-    """Commit of the checkout that this package runs from, read without git; empty when it is not one."""
+    """Commit of the checkout that this package runs from, and whether files differ from it; empty outside one."""
+    found = _head()
+    return found + CHANGED if found and _changed() else found
+
+
+def _changed() -> bool:
+    """Whether git knows of changes to what results depend on; no where there is no git to ask."""
+    import subprocess
+
+    checkout = Path(__file__).resolve().parents[1]
+    command = ["git", "--no-optional-locks", "status", "--porcelain", "--", "pipeline", "configs"]
+    try:
+        done = subprocess.run(command, cwd=checkout, capture_output=True, timeout=5, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return False
+    return bool(done.stdout.strip())
+
+
+def _head() -> str:
     for folder in Path(__file__).resolve().parents[1:2]:
         git = folder / ".git"
         if git.is_file():

@@ -69,7 +69,7 @@ class NodeRun:
     blocked_by: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """A run of an experiment and its results.
 
@@ -91,6 +91,10 @@ class Run:
     host: str
     finished: str
     total_seconds: float
+
+    def __repr__(self) -> str:
+        nodes = ", ".join(f"{name}: {node.status}" for name, node in self.nodes.items())
+        return f"<Run {self.path}  {nodes}>"
 
     def __getitem__(self, name: str) -> Any:
         """The value of a node, its arrays memory-mapped and read-only."""

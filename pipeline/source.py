@@ -17,11 +17,12 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+from pipeline.errors import InputError
 from pipeline.keys import DIGEST_CHARACTERS, digest, digest_bytes
 
 ROOT = "pipeline"
 REQUIRED = "<required>"
-_CACHE_FORMAT = 3
+_CACHE_FORMAT = 4
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class Signature:
     is_class: bool = False
     constants: dict[str, Any] = field(default_factory=dict)
     fault: str = ""
+    decorated: bool = False
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,13 @@ class Sources:
                 return path
         return None
 
+    def folder_of(self, package: str) -> Path | None:
+        """Folder of a package of ours, whether or not it has an ``__init__.py``, or None."""
+        root, *rest = package.split(".")
+        folder = self.packages.get(root)
+        found = folder.joinpath(*rest) if folder else None
+        return found if found is not None and found.is_dir() else None
+
     def module(self, name: str) -> ModuleSource | None:
         """What the module's file says, or None where there is no such module of ours."""
         if name not in self._modules:
@@ -139,19 +148,19 @@ class Sources:
 
     def modules_in(self, package: str) -> Iterator[ModuleSource]:
         """The modules directly inside a package, by name."""
-        path = self.file_of(package)
-        if path is None or path.name != "__init__.py":
+        folder = self.folder_of(package)
+        if folder is None:
             return
-        for file in sorted(path.parent.glob("*.py")):
+        for file in sorted(folder.glob("*.py")):
             if file.name != "__init__.py" and (module := self.module(f"{package}.{file.stem}")):
                 yield module
 
     def subpackages(self, package: str) -> Iterator[str]:
         """Names of the packages directly inside a package."""
-        path = self.file_of(package)
-        if path is not None:
-            for folder in sorted(path.parent.iterdir()):
-                if (folder / "__init__.py").is_file():
+        parent = self.folder_of(package)
+        if parent is not None:
+            for folder in sorted(parent.iterdir()):
+                if folder.is_dir() and not folder.name.startswith(("_", ".")):
                     yield f"{package}.{folder.name}"
 
     def closure(self, names: Iterable[str]) -> dict[str, ModuleSource]:
@@ -194,7 +203,15 @@ class Sources:
         text_digest = digest_bytes(text)
         key = f"{text_digest} {name}"
         if key not in self._parsed:
-            self._parsed[key] = _parse(name, text, is_package=path.name == "__init__.py")
+            try:
+                self._parsed[key] = _parse(name, text, is_package=path.name == "__init__.py")
+            except (SyntaxError, ValueError) as error:
+                line = getattr(error, "lineno", None)
+                raise InputError(
+                    f"a file of code cannot be read: {getattr(error, 'msg', error)}",
+                    where=f"{path}, line {line}" if line else str(path),
+                    expected="Python",
+                ) from None
             self._fresh = True
         parsed = self._parsed[key]
         code_digest = parsed["code_digest"]
@@ -329,7 +346,14 @@ def _class(node: ast.ClassDef) -> Signature:
             targets = item.targets if isinstance(item, ast.Assign) else [item.target]
             constants |= {t.id: item.value.value for t in targets if isinstance(t, ast.Name)}
     return Signature(
-        node.name, ast.get_docstring(node) or "", parameters, node.name, is_class=True, constants=constants, fault=fault
+        node.name,
+        ast.get_docstring(node) or "",
+        parameters,
+        node.name,
+        is_class=True,
+        constants=constants,
+        fault=fault,
+        decorated=bool(node.decorator_list),
     )
 
 

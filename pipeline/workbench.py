@@ -20,7 +20,7 @@ from pipeline.messages import Messages
 from pipeline.outcome import Listener, Outcome
 from pipeline.parallel import cores, cpu_meter, thread_budget
 from pipeline.plan import Inputs, Task, inputs_of
-from pipeline.progress import listening
+from pipeline.progress import Stopped, check, listening
 from pipeline.record import Record
 from pipeline.store import Store
 from pipeline.usage import PeakMemory
@@ -78,6 +78,7 @@ class Workbench:
 
     def _found_or_run(self, task: Task, reason: str, inputs: Inputs, rippled: bool) -> Outcome:
         name = task.node.name
+        check()
         reason = reason if not reason.startswith("if ") else reason.removeprefix("if ").replace("changes", "changed")
         try:
             key = task.key(inputs)
@@ -90,6 +91,8 @@ class Workbench:
                     self.listener.started(name)
                     record = self._compute(task, key, inputs)
             return Outcome(name, "ran", record, reason)
+        except Stopped:
+            return Outcome(name, "failed", reason=reason, error="interrupted")
         except PipelineError as error:
             return Outcome(name, "failed", reason=reason, error=str(error))
         except Exception:
