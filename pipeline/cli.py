@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
@@ -72,8 +72,8 @@ def main(arguments: Sequence[str]) -> int:
         return 0
     try:
         line = _taken_apart(arguments)
-        command = line.words[0] if line.words and line.words[0] in COMMANDS else "run"
-        rest = Line(line.words[command == line.words[0] :], line.quiet, line.multirun, line.folders)
+        command = line.words[0] if line.words[0] in COMMANDS else "run"
+        rest = replace(line, words=line.words[1:]) if line.words[0] in COMMANDS else line
         if command in TAKES_OVERRIDES:
             _check_overrides(rest)
         return COMMANDS[command](rest)
@@ -130,8 +130,12 @@ def _run(line: Line) -> int:
     from pipeline.bench import Experiment, RunFailed
     from pipeline.live import Counter, display
 
+    if line.multirun:
+        return _sweep(line)
     start = time.perf_counter()
     experiment = Experiment.load(line.words, line.folders)
+    if experiment.configuration.sweeps:
+        return _sweep(line)
     for remark in experiment.graph.remarks:
         print(remark, file=sys.stderr)
     with display(quiet=line.quiet) as shown:
@@ -146,6 +150,27 @@ def _run(line: Line) -> int:
         print(f"error: {RunFailed(run)}", file=sys.stderr)
         return 1
     return 0
+
+
+def _sweep(line: Line) -> int:
+    from pipeline.bench import RunFailed
+    from pipeline.live import display
+    from pipeline.sweep import run_sweep
+
+    with display(quiet=line.quiet) as shown:
+        done = run_sweep(line.words, line.folders, shown, _to_stderr(line))
+    if not line.quiet:
+        print((done.folder / "table.txt").read_text())
+        print(
+            f"{len(done.points)} points name {done.stages_named} stages; {done.stages_run} run, "
+            f"{done.stages_found} from the store, {done.seconds:.1f} s"
+        )
+        print(f"table:  {done.folder / 'table.csv'}")
+    print(f"report: {done.folder / 'report.html'}")
+    for point in done.points:
+        if point.run.failed:
+            print(f"error: {point.run.path}: {RunFailed(point.run)}", file=sys.stderr)
+    return 1 if done.failed else 0
 
 
 def _why(line: Line) -> int:

@@ -32,7 +32,7 @@ SECTIONS = (
 """What may stand at the top of a configuration, besides what others refer to."""
 
 MOST_REMEMBERED = 200
-_FORMAT = 1
+_FORMAT = 2
 
 
 def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configuration:
@@ -69,6 +69,7 @@ def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configura
         overrides=tuple(parsed(text) for text in texts),
         files=tuple((Path(file), section) for file, section in known["files"]),
         folders=tuple(folders),
+        sweeps=bool(known["sweeps"]),
     )
     _check_sections(configuration)
     return configuration
@@ -163,6 +164,7 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
         with hydra_ready(folders) as search:
             composed = hydra_compose("config", overrides=[*search, *texts], return_hydra_config=True)
         choices = dict(composed.hydra.runtime.choices)
+        sweeps = str(composed.hydra.mode).endswith("MULTIRUN")
         raw = OmegaConf.to_container(composed, resolve=False)
         OmegaConf.set_struct(composed, False)
         del composed["hydra"]
@@ -179,6 +181,7 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
     return {
         "content": {str(k): v for k, v in content.items()},
         "raw": {str(k): v for k, v in raw.items()},
+        "sweeps": sweeps,
         "files": [[str(file), section] for file, section in sorted(files, key=lambda f: f[1] == "")],
     }
 
@@ -253,7 +256,7 @@ def _recalled(memory: Path | None) -> dict[str, Any] | None:
         return None
     try:
         known = json.loads(memory.read_bytes())
-        return known if {"content", "raw", "files"} <= set(known) else None
+        return known if {"content", "raw", "files", "sweeps"} <= set(known) else None
     except (OSError, ValueError, TypeError):
         return None
 

@@ -39,6 +39,8 @@ class Configuration:
         The YAML files it was composed of, later ones winning, and the section that each fills.
     folders : tuple of Path
         Folders of YAML files besides ours.
+    sweeps : bool
+        Whether it asks for a sweep of itself (``hydra.mode: MULTIRUN``).
     """
 
     experiment: str
@@ -47,6 +49,7 @@ class Configuration:
     overrides: tuple[Override, ...]
     files: tuple[tuple[Path, str], ...]
     folders: tuple[Path, ...] = ()
+    sweeps: bool = False
     _trees: dict[Path, yaml.Node | None] = field(default_factory=dict, compare=False, repr=False)
 
     def written_by_override(self, path: str) -> bool:

@@ -83,9 +83,9 @@ def manual(name: str, places: Places | None = None) -> str:
     places = places or Places()
     catalog = Catalog(Sources())
     everything = {**catalog.devices, **catalog.stages}
-    files = {
-        n: path for group in ("executor", "rig", "experiment") for n, path in options(group, places.folders).items()
-    }
+    files: dict[str, Path] = {}
+    for group in ("executor", "rig", "experiment"):
+        files |= options(group, places.folders)
     if name not in everything and name in files:
         return f"# {files[name]}\n{files[name].read_text().rstrip()}"
     if name not in everything:

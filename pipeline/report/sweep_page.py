@@ -1,0 +1,143 @@
+"""A sweep on one page and in one table: each figure of merit against each setting that was varied."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from jinja2 import Environment, PackageLoader
+from markupsafe import Markup
+
+from pipeline.files import write_text
+from pipeline.report.naming import duration, labelled
+
+PANEL_INCHES = (3.0, 2.3)
+MOST_METRICS = 24
+
+
+class SweepView(Protocol):
+    """What the page asks of a sweep; see :class:`pipeline.sweep.Sweep`."""
+
+    folder: Path
+    command: str
+    stages_run: int
+    stages_found: int
+    seconds: float
+
+    @property
+    def stages_named(self) -> int:
+        """Nodes that the points name one by one."""
+
+    @property
+    def swept(self) -> list[str]:
+        """Settings that differ between points."""
+
+    @property
+    def metrics(self) -> list[str]:
+        """Figures that any point has."""
+
+    def table(self) -> list[dict[str, Any]]:
+        """One row a point."""
+
+
+def write_sweep(sweep: SweepView) -> None:
+    """Write ``table.csv``, ``table.txt`` and ``report.html`` into the sweep's folder."""
+    rows = sweep.table()
+    write_text(sweep.folder / "table.csv", _csv(rows))
+    write_text(sweep.folder / "table.txt", _text(rows, sweep.swept, sweep.metrics))
+    write_text(sweep.folder / "report.html", _page(sweep, rows))
+
+
+def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _text(rows: Sequence[Mapping[str, Any]], swept: Sequence[str], metrics: Sequence[str]) -> str:
+    """The table for a terminal: settings, a few figures, seconds."""
+    columns = [*swept, *metrics[:6], "seconds", "state"]
+    head = [name.rpartition(".")[2] if name in swept else name for name in columns]
+    body = [[_cell(row[name]) for name in columns] for row in rows]
+    widths = [max(len(line[i]) for line in [head, *body]) for i in range(len(columns))]
+    return "\n".join("  ".join(word.rjust(w) for word, w in zip(line, widths, strict=True)) for line in [head, *body])
+
+
+def _page(sweep: SweepView, rows: Sequence[Mapping[str, Any]]) -> str:
+    metrics = [name for name in sweep.metrics if any(row[name] is not None for row in rows)]
+    environment = Environment(
+        loader=PackageLoader("pipeline.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    heads = [labelled(name, 0.0) for name in metrics]
+    return environment.get_template("sweep.html.j2").render(
+        sweep=sweep,
+        rows=rows,
+        metrics=heads,
+        chart=Markup(_chart(rows, sweep.swept, metrics[:MOST_METRICS])) if sweep.swept and metrics else "",
+        left_out=metrics[MOST_METRICS:],
+        cell=_cell,
+        duration=duration,
+    )
+
+
+def _chart(rows: Sequence[Mapping[str, Any]], swept: Sequence[str], metrics: Sequence[str]) -> str:
+    """Panels: a row for each figure of merit, a column for each setting; points joined where only that one varies."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context({"font.size": 8, "svg.fonttype": "none", "axes.spines.top": False, "axes.spines.right": False}):
+        size = (PANEL_INCHES[0] * len(swept) + 0.5, PANEL_INCHES[1] * len(metrics))
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(len(metrics), len(swept), squeeze=False, sharex="col", sharey="row")
+        for i, metric in enumerate(metrics):
+            for j, setting in enumerate(swept):
+                _panel(axes[i][j], rows, setting, metric, swept)
+            label = labelled(metric, 0.0)
+            axes[i][0].set_ylabel(f"{label.label} ({label.unit})" if label.unit else label.label)
+        for j, setting in enumerate(swept):
+            axes[-1][j].set_xlabel(setting)
+        text = io.StringIO()
+        figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
+    return text.getvalue()[text.getvalue().index("<svg") :]
+
+
+def _panel(axes: Any, rows: Sequence[Mapping[str, Any]], setting: str, metric: str, swept: Sequence[str]) -> None:
+    known = [row for row in rows if row[metric] is not None]
+    places = _places([row[setting] for row in rows])
+    lines: dict[tuple[Any, ...], list[tuple[float, float]]] = {}
+    for row in known:
+        others = tuple(row[name] for name in swept if name != setting)
+        lines.setdefault(others, []).append((places[row[setting]], row[metric]))
+    for others, points in lines.items():
+        points.sort()
+        axes.plot(*zip(*points, strict=True), "o-", markersize=3.5, linewidth=0.9, label=", ".join(map(str, others)))
+    if _numbers(list(places)) is None or len(places) <= 8:
+        axes.set_xticks(list(places.values()), [str(value) for value in places])
+    axes.margins(x=0.08)
+    if 1 < len(lines) <= 6 and len(swept) > 1:
+        axes.legend(frameon=False, fontsize=6, title=", ".join(n.rpartition(".")[2] for n in swept if n != setting))
+
+
+def _places(values: Sequence[str]) -> dict[str, float]:
+    """Where on an axis values stand: as numbers if they all are, else one after the other."""
+    distinct = list(dict.fromkeys(values))
+    found = _numbers(distinct)
+    return dict(zip(distinct, found or [float(i) for i in range(len(distinct))], strict=True))
+
+
+def _numbers(values: Sequence[str]) -> list[float] | None:
+    try:
+        return [float(value) for value in values]
+    except ValueError:
+        return None
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,350 @@
+"""Many runs of one or more experiments as a single graph: what they share is computed once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.bench import Experiment, carry_out, plan_of
+from pipeline.catalog import Catalog
+from pipeline.compose import hydra_ready, opened, readable_errors
+from pipeline.errors import InputError, InputErrors, PipelineError, nearest
+from pipeline.executors import executor_of
+from pipeline.keys import digest
+from pipeline.merge import merge
+from pipeline.outcome import Listener, Silent
+from pipeline.runs import Run, last_keys
+from pipeline.selection import forced
+
+if TYPE_CHECKING:
+    from hydra.core.utils import JobReturn
+
+DIGEST_CHARACTERS = 8
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run of a sweep.
+
+    Attributes
+    ----------
+    overrides : tuple of str
+        What makes it differ from the others, and what they share.
+    settings : dict of str to str
+        The same by name, as written.
+    run : Run
+        The run.
+    """
+
+    overrides: tuple[str, ...]
+    run: Run
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """Overrides by name."""
+        pairs = (word.lstrip("+").partition("=") for word in self.overrides)
+        return {name: value for name, _, value in pairs}
+
+    @property
+    def seconds(self) -> float:
+        """What computing all its nodes took, whenever that was and whoever shared them."""
+        return sum(node.seconds or 0.0 for node in self.run.nodes.values())
+
+
+@dataclass
+class Sweep:
+    """A sweep: its points as they come, and what was saved by sharing.
+
+    Attributes
+    ----------
+    folder : Path
+        Where table and page lie.
+    command : str
+        The command that runs it again.
+    points : list of Point
+        Runs in the order in which they were proposed.
+    stages_run, stages_found : int
+        Nodes of the merged graphs that were computed, and that the store had.
+    seconds : float
+        Wall time of all.
+    """
+
+    folder: Path
+    command: str
+    points: list[Point] = field(default_factory=list)
+    stages_run: int = 0
+    stages_found: int = 0
+    seconds: float = 0.0
+
+    @property
+    def stages_named(self) -> int:
+        """Nodes that the points name one by one: what as many separate runs without a store would compute."""
+        return sum(sum(bool(node.stage) for node in point.run.nodes.values()) for point in self.points)
+
+    @property
+    def swept(self) -> list[str]:
+        """Settings that differ between points."""
+        names = dict.fromkeys(name for point in self.points for name in point.settings)
+        return [name for name in names if len({point.settings.get(name) for point in self.points}) > 1]
+
+    @property
+    def metrics(self) -> list[str]:
+        """Figures that any point has."""
+        return list(dict.fromkeys(name for point in self.points for name in point.run.metrics))
+
+    @property
+    def failed(self) -> bool:
+        """Whether any point failed."""
+        return any(point.run.failed for point in self.points)
+
+    def table(self) -> list[dict[str, Any]]:
+        """One row a point: settings, metrics, seconds, state and folder."""
+        return [
+            {
+                **{name: point.settings.get(name, "") for name in self.swept},
+                **{name: point.run.metrics.get(name) for name in self.metrics},
+                "seconds": round(point.seconds, 3),
+                "state": "failed" if point.run.failed else "done",
+                "run": str(point.run.path),
+            }
+            for point in self.points
+        ]
+
+
+def sweep(
+    name: str,
+    overrides: Iterable[str] = (),
+    *,
+    config_dir: str | Path | None = None,
+    listener: Listener | None = None,
+) -> Sweep:
+    """Run an experiment for every combination of values, as ``python -m pipeline -m +experiment=NAME OVERRIDES`` does.
+
+    Parameters
+    ----------
+    name : str
+        Name of the experiment, or several with commas between.
+    overrides : iterable of str
+        Overrides in Hydra's syntax for sweeps, such as ``"graph.photos.count=4,6,12"``.
+    config_dir : path, optional
+        A folder of your own experiments and rigs, laid out as ``configs/``.
+    listener : Listener, optional
+        Hears how the stages go on.
+
+    Raises
+    ------
+    InputError, InputErrors
+        Something is wrong with any of the points; nothing has run.
+    """
+    folders = [] if config_dir is None else [Path(config_dir)]
+    return run_sweep([f"+experiment={name}", *overrides], folders, listener or Silent())
+
+
+def run_sweep(
+    words: Sequence[str],
+    folders: Sequence[Path],
+    listener: Listener,
+    log: Callable[[str], None] = lambda text: None,
+) -> Sweep:
+    """Let Hydra's sweeper propose points, and run each batch of them as one graph; write table and page.
+
+    Raises
+    ------
+    InputError, InputErrors
+        Something is wrong with any of the points.
+    """
+    from hydra._internal.callbacks import Callbacks
+    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.core.plugins import Plugins
+    from hydra.types import HydraContext, RunMode
+    from omegaconf import open_dict
+
+    from pipeline.report.sweep_page import write_sweep
+
+    start = time.perf_counter()
+    catalog = Catalog(_sources(words))
+    texts = [opened(word) for word in words]
+    texts = [_globbed(text, texts, folders, catalog) for text in texts]
+    batches = _Batches(folders, catalog, listener, log, Sweep(_folder(words), _command(words, folders)))
+    with readable_errors(" ".join(words)), hydra_ready(folders) as search:
+        hydra = GlobalHydra.instance().hydra
+        assert hydra is not None
+        own = ["hydra/launcher=optibench", f"hydra.sweep.dir='{batches.sweep.folder}'"]
+        config = hydra.compose_config("config", [*search, *own, *texts], RunMode.MULTIRUN, with_log_configuration=False)
+        with open_dict(config):
+            params = config.hydra.sweeper.get("params") or {}
+            config.hydra.sweeper.params = {opened(str(name)): value for name, value in params.items()}
+        context = HydraContext(config_loader=hydra.config_loader, callbacks=Callbacks(config))
+        batches.objective = _objectives(config.get("objective"))
+        sweeper = Plugins.instance().instantiate_sweeper(config=config, hydra_context=context, task_function=batches)
+        if type(sweeper) is BasicSweeper:
+            sweeper.validate_batch_is_legal = lambda batch: None  # ours checks more
+        ours = set(own) | set(search)
+        sweeper.sweep(arguments=[str(word) for word in config.hydra.overrides.task if word not in ours])
+    batches.sweep.seconds = time.perf_counter() - start
+    write_sweep(batches.sweep)
+    return batches.sweep
+
+
+@dataclass
+class _Batches:
+    """Hydra's task function: carries out batches of points on one store."""
+
+    folders: Sequence[Path]
+    catalog: Catalog
+    listener: Listener
+    log: Callable[[str], None]
+    sweep: Sweep
+    objective: tuple[str, ...] = ()
+
+    def __call__(self, config: Any) -> Any:
+        raise NotImplementedError("points are run in batches")
+
+    def launch(self, jobs: Sequence[Sequence[str]]) -> list[JobReturn]:
+        """Run a batch of points as one graph, and answer the sweeper."""
+        from hydra.core.utils import JobReturn, JobStatus
+
+        answers = []
+        for words, run in zip(jobs, self.run(jobs), strict=True):
+            answer = JobReturn(overrides=list(words))
+            missing = [name for name in self.objective if name not in run.metrics]
+            if run.failed or missing:
+                answer.status = JobStatus.FAILED if self.objective else JobStatus.COMPLETED
+                answer.return_value = PipelineError(f"{run.path} has no {', '.join(missing)}") if missing else None
+            else:
+                figures = [run.metrics[name] for name in self.objective]
+                answer.status = JobStatus.COMPLETED
+                answer.return_value = figures[0] if len(figures) == 1 else figures or None
+            answers.append(answer)
+        return answers
+
+    def run(self, jobs: Sequence[Sequence[str]]) -> list[Run]:
+        """Run a batch of points as one graph."""
+        start = time.perf_counter()
+        experiments = self._experiments(jobs)
+        first = experiments[0]
+        merged = merge([experiment.graph for experiment in experiments])
+        content = first.configuration.content
+        last: dict[str, str] = {}
+        anew: dict[str, str] = {}
+        for experiment, names in zip(experiments, merged.names, strict=True):
+            keys = last_keys(experiment.runs, experiment.name)
+            last = {**{names[name]: key for name, key in keys.items() if name in names}, **last}
+            wanted = forced(experiment.graph, content.get("from"), content.get("force"))
+            anew |= {names[name]: reason for name, reason in wanted.items()}
+        with first.store.in_use():
+            plan = plan_of(first, merged.graph, last=last, forced=anew)
+            executor = executor_of(content.get("executor") or {}, self.log)
+            outcomes = carry_out(plan, first.store, executor, self.listener)
+            seconds = time.perf_counter() - start
+            runs = [
+                experiment.finish(merged.outcomes_of(index, outcomes), seconds)
+                for index, experiment in enumerate(experiments)
+            ]
+        self.sweep.stages_run += sum(outcome.status == "ran" for outcome in outcomes.values())
+        self.sweep.stages_found += sum(outcome.status == "cached" for outcome in outcomes.values())
+        self.sweep.points += [Point(tuple(words), run) for words, run in zip(jobs, runs, strict=True)]
+        return runs
+
+    def _experiments(self, jobs: Sequence[Sequence[str]]) -> list[Experiment]:
+        """All points composed and checked; everything that is wrong with any of them is told at once."""
+        found, problems = [], []
+        for words in jobs:
+            place = "point " + " ".join(word.lstrip("+") for word in words if not word.startswith("+experiment="))
+            try:
+                found.append(Experiment.load(words, self.folders, catalog=self.catalog))
+            except InputError as error:
+                problems.append(error.at(place))
+            except InputErrors as several:
+                problems += [error.at(place) for error in several.errors]
+        stores = {experiment.store.root for experiment in found}
+        if len(stores) > 1:
+            problems.append(InputError("a sweep has one store", where="paths.store", expected="one value"))
+        if problems:
+            raise InputErrors(problems)
+        return found
+
+
+def _objectives(written: Any) -> tuple[str, ...]:
+    if written is None:
+        return ()
+    return (written,) if isinstance(written, str) else tuple(str(name) for name in written)
+
+
+def _globbed(text: str, texts: Sequence[str], folders: Sequence[Path], catalog: Catalog) -> str:
+    """``graph.NODE.stage=glob(fit.*)`` with the stages that fit in the node's place written out."""
+    import fnmatch
+    import re
+
+    match = re.fullmatch(r"\+*graph\.(\w+)\.stage=glob\((.+)\)", text)
+    if match is None:
+        return text
+    name, pattern = match[1], match[2].strip("\"'")
+    plain_words = [t for t in texts if t != text and not _is_sweep(t)]
+    node = Experiment.load(plain_words, folders, catalog=catalog).graph.nodes.get(name)
+    if node is None:
+        raise InputError(f"there is no node '{name}'", where=f"override {text.lstrip('+')}", hint=nearest(name, []))
+    given = {parameter for parameter, upstream in node.inputs.items() if upstream is not None}
+    fitting = [
+        stage
+        for stage, entry in sorted(catalog.stages.items())
+        if fnmatch.fnmatchcase(stage, pattern)
+        and not entry.signature.fault
+        and entry.returns.name == node.entry.returns.name
+        and {p for p, (parameter, _) in entry.inputs.items() if parameter.required} <= given
+    ]
+    if not fitting:
+        raise InputError(
+            f"no stage fits '{pattern}' in the place of {node.entry.name}",
+            where=f"override {text.lstrip('+')}",
+            expected=f"stages that take {', '.join(sorted(given))} and give {node.entry.type}",
+        )
+    return f"++graph.{name}.stage={','.join(fitting)}"
+
+
+def _is_sweep(text: str) -> bool:
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    return bool(OverridesParser.create().parse_override(text).is_sweep_override())
+
+
+def _sources(words: Sequence[str]) -> Any:
+    from pipeline.source import Sources
+
+    return Sources(Path(_written(words, "paths.store", f"{_runs(words)}/.store")) / "memory" / "sources.json")
+
+
+def _runs(words: Sequence[str]) -> str:
+    return _written(words, "paths.runs", "runs")
+
+
+def _written(words: Sequence[str], name: str, default: str) -> str:
+    return next(
+        (word.partition("=")[2] for word in reversed(words) if word.lstrip("+").startswith(f"{name}=")), default
+    )
+
+
+def _folder(words: Sequence[str]) -> Path:
+    """Folder of a sweep: the same for the same words."""
+    counted = sorted(word.lstrip("+") for word in words if not word.lstrip("+").startswith(("paths.", "executor")))
+    experiments = _written([word.lstrip("+") for word in words], "experiment", "several")
+    name = experiments if experiments.isidentifier() else "several"
+    return Path(_runs(words)) / name / "sweeps" / digest(counted)[:DIGEST_CHARACTERS]
+
+
+def _command(words: Sequence[str], folders: Sequence[Path]) -> str:
+    import shlex
+
+    return shlex.join(["python", "-m", "pipeline", "-m", *(f"--config-dir={folder}" for folder in folders), *words])
+
+
+def numbers(points: Sequence[Point], name: str) -> list[float] | None:
+    """A setting's values as numbers, or None where any is none."""
+    try:
+        return [float(point.settings[name]) for point in points]
+    except (KeyError, ValueError):
+        return None
