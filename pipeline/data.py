@@ -86,6 +86,22 @@ class Photo:
 
 
 @dataclass(frozen=True, eq=False)
+class PolarizerPhoto:
+    """One photograph through a polariser.
+
+    Attributes
+    ----------
+    photo : Photo
+        The photograph.
+    polarizer_rad : float
+        Where the polariser stood.
+    """
+
+    photo: Photo
+    polarizer_rad: float
+
+
+@dataclass(frozen=True, eq=False)
 class PolarizerSequence:
     """Photographs of one scene through a linear polariser at several angles.
 

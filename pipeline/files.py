@@ -30,6 +30,16 @@ def write_bytes(path: Path, data: bytes) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def sync(folder: Path) -> None:
+    """Wait until a folder and the files in it are on the disk."""
+    for path in (*(p for p in folder.iterdir() if p.is_file()), folder):
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
 def as_yaml(content: object) -> str:
     """Plain values as YAML, in their order."""
     import yaml

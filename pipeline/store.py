@@ -28,7 +28,8 @@ from pipeline.artifact import (
     write_artifact,
 )
 from pipeline.errors import InputError
-from pipeline.files import write_text
+from pipeline.files import sync, write_text
+from pipeline.journal import Journal
 from pipeline.keys import digest
 from pipeline.locks import locked, shared
 from pipeline.record import Record, record_content, record_of
@@ -118,8 +119,8 @@ class Store:
         except (OSError, ValueError):
             return None
 
-    def put(self, value: object, *, sync: bool = False) -> str:
-        """Keep a value and return the digest of its content; ``sync`` waits until it is on the disk."""
+    def put(self, value: object, *, durable: bool = False) -> str:
+        """Keep a value and return the digest of its content; ``durable`` waits until it is on the disk."""
         description, arrays = content_of(value)
         artifact = digest_of(description)
         target = self.object_folder(artifact)
@@ -129,8 +130,8 @@ class Store:
         temporary.mkdir(parents=True)
         try:
             write_artifact(temporary, description, arrays)
-            if sync:
-                _sync(temporary)
+            if durable:
+                sync(temporary)
             target.parent.mkdir(exist_ok=True)
             if target.exists():
                 self.set_aside(artifact)
@@ -139,14 +140,18 @@ class Store:
             except OSError:
                 if not is_whole(target):
                     raise
-            if sync:
-                _sync(target.parent)
+            if durable:
+                sync(target.parent)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
         self._verified.add(artifact)
         if sum(array.nbytes for array in arrays.values()) <= REMEMBERED_BYTES:
             self._remembered[artifact] = rebuilt(description, data_types(), arrays)
         return artifact
+
+    def journal(self, key: str) -> Journal:
+        """Where a capture keeps what it has taken until it is complete."""
+        return Journal(self.root / "captures" / key, data_types())
 
     def keep(self, record: Record) -> None:
         """Keep the record of a recipe whose value has been put."""
@@ -233,12 +238,3 @@ class Store:
 def _store_of_this_process(root: Path) -> Store:
     """One store a process, so that what one task has read and checked need not be again by the next."""
     return Store(root)
-
-
-def _sync(folder: Path) -> None:
-    for path in (*(p for p in folder.iterdir() if p.is_file()), folder):
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)

@@ -22,6 +22,7 @@ from pipeline.parallel import cores, cpu_meter, thread_budget
 from pipeline.plan import Inputs, Task, inputs_of
 from pipeline.progress import Stopped, check, listening
 from pipeline.record import Record
+from pipeline.steps import keeping
 from pipeline.store import Store
 from pipeline.usage import PeakMemory
 
@@ -102,7 +103,9 @@ class Workbench:
         node = task.node
         values = input_values(self.store, inputs)
         said = Messages()
+        journal = self.store.journal(key) if node.is_source else None
         with ExitStack() as stack:
+            stack.enter_context(keeping(journal))
             stack.enter_context(_share_of_cores(self.cores or cores()))
             stack.enter_context(said)
             stack.enter_context(listening(lambda done, total: self.listener.advanced(node.name, done, total)))
@@ -112,7 +115,9 @@ class Workbench:
             value = call_stage(node, values)
             seconds = time.perf_counter() - start
             cpu = cpu_seconds()
-        artifact = self.store.put(value, sync=node.is_source)
+        if journal is not None and journal.recalled:
+            said.notes.append(f"{journal.recalled} steps had been taken by an earlier attempt that failed")
+        artifact = self.store.put(value, durable=node.is_source)
         if task.forced and (before := self.store.record(key)) is not None and before.artifact != artifact:
             said.warnings.append("computed anew it came out differently: the stage does not always give the same value")
         record = Record(
@@ -134,6 +139,8 @@ class Workbench:
             notes=tuple(said.notes),
         )
         self.store.keep(record)
+        if journal is not None:
+            journal.discard()
         return record
 
 

@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, Protocol
 
 from jinja2 import Environment, PackageLoader
@@ -98,12 +99,13 @@ def _chart(rows: Sequence[Mapping[str, Any]], swept: Sequence[str], metrics: Seq
             for j, setting in enumerate(swept):
                 _panel(axes[i][j], rows, setting, metric, swept)
             label = labelled(metric, 0.0)
-            axes[i][0].set_ylabel(f"{label.label} ({label.unit})" if label.unit else label.label)
+            text = f"{label.label} ({label.unit})" if label.unit else label.label
+            axes[i][0].set_ylabel("\n".join(wrap(text, 26)))
         for j, setting in enumerate(swept):
             axes[-1][j].set_xlabel(setting)
-        text = io.StringIO()
-        figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
-    return text.getvalue()[text.getvalue().index("<svg") :]
+        drawn = io.StringIO()
+        figure.savefig(drawn, format="svg", transparent=True, metadata={"Date": None})
+    return drawn.getvalue()[drawn.getvalue().index("<svg") :]
 
 
 def _panel(axes: Any, rows: Sequence[Mapping[str, Any]], setting: str, metric: str, swept: Sequence[str]) -> None:
@@ -119,6 +121,7 @@ def _panel(axes: Any, rows: Sequence[Mapping[str, Any]], setting: str, metric: s
     if _numbers(list(places)) is None or len(places) <= 8:
         axes.set_xticks(list(places.values()), [str(value) for value in places])
     axes.margins(x=0.08)
+    axes.tick_params(labelbottom=True)
     if 1 < len(lines) <= 6 and len(swept) > 1:
         axes.legend(frameon=False, fontsize=6, title=", ".join(n.rpartition(".")[2] for n in swept if n != setting))
 

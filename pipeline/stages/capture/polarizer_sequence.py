@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import logging
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import GratingSample, PolarizerSequence
+from pipeline.data import GratingSample, PolarizerPhoto, PolarizerSequence
 from pipeline.devices.protocols import PolarizationRig
 from pipeline.errors import InputError
 from pipeline.progress import advance
+from pipeline.steps import step
 
 LEAST_ANGLES = 3
 SATURATION_WARNING = 0.001
@@ -57,8 +59,9 @@ def polarizer_sequence(
         rig.light.switch(True)
         try:
             for done, angle in enumerate(angles):
-                reached.append(rig.mount.move_to(float(angle)))
-                photo = rig.camera.expose()
+                taken = step(done, partial(_take, rig, float(angle)))
+                photo = taken.photo
+                reached.append(taken.polarizer_rad)
                 images.append(photo.image)
                 saturated.append(photo.saturated)
                 exposures.append(photo.exposure_s)
@@ -84,6 +87,11 @@ def polarizer_sequence(
         exposure_s=tuple(e for e in exposures if e is not None) if None not in exposures else None,
         metadata=metadata,
     )
+
+
+def _take(rig: PolarizationRig, angle_rad: float) -> PolarizerPhoto:
+    reached = rig.mount.move_to(angle_rad)
+    return PolarizerPhoto(rig.camera.expose(), reached)
 
 
 def _check_polarizer_sequence(*, rig: PolarizationRig, count: int, span_deg: float) -> None:

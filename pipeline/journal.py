@@ -1,0 +1,58 @@
+"""Photographs kept as they are taken, so that a capture that failed goes on where it stopped."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TypeVar
+
+from pipeline.artifact import DamagedArtifact, content_of, read_artifact, write_artifact
+from pipeline.files import sync
+
+T = TypeVar("T")
+
+
+class Journal:
+    """What a capture has taken so far, in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        One folder below it for each step.
+    types : mapping of str to type
+        Classes that a step's value may have.
+    """
+
+    def __init__(self, folder: Path, types: Mapping[str, type]) -> None:
+        self.folder = folder
+        self.types = types
+        self.recalled = 0
+
+    def step(self, index: int, take: Callable[[], T]) -> T:
+        """The value of a step: as it was kept, or taken now and kept; on the disk when this returns."""
+        target = self.folder / f"{index:04d}"
+        try:
+            value: T = read_artifact(target, self.types, verify=True)
+        except DamagedArtifact:
+            shutil.rmtree(target, ignore_errors=True)
+        else:
+            self.recalled += 1
+            return value
+        value = take()
+        temporary = self.folder / f".{uuid.uuid4().hex}"
+        temporary.mkdir(parents=True)
+        try:
+            write_artifact(temporary, *content_of(value))
+            sync(temporary)
+            os.rename(temporary, target)
+            sync(self.folder)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+        return value
+
+    def discard(self) -> None:
+        """Forget it all: the capture is complete and kept elsewhere."""
+        shutil.rmtree(self.folder, ignore_errors=True)
