@@ -108,7 +108,7 @@ class Experiment:
     @property
     def digest(self) -> str:
         """Digest of the configuration, leaving out where results go and who computes them."""
-        ignored = {"paths", "executor", "recapture", "from", "force"} | (
+        ignored = {"paths", "executor", "recapture", "from", "force", "objective"} | (
             set() if self.configuration.content.get("until") else {"until"}
         )
         content = {k: v for k, v in self.configuration.content.items() if k not in ignored}

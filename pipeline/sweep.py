@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.bench import Experiment, carry_out, plan_of
-from pipeline.catalog import Catalog
+from pipeline.catalog import Catalog, Entry
 from pipeline.compose import hydra_ready, opened, readable_errors
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
 from pipeline.executors import executor_of
@@ -180,6 +180,7 @@ def run_sweep(
             config.hydra.sweeper.params = {opened(str(name)): value for name, value in params.items()}
         context = HydraContext(config_loader=hydra.config_loader, callbacks=Callbacks(config))
         batches.objective = _objectives(config.get("objective"))
+        batches.sweep.folder.mkdir(parents=True, exist_ok=True)
         sweeper = Plugins.instance().instantiate_sweeper(config=config, hydra_context=context, task_function=batches)
         if type(sweeper) is BasicSweeper:
             sweeper.validate_batch_is_legal = lambda batch: None  # ours checks more
@@ -253,8 +254,9 @@ class _Batches:
     def _experiments(self, jobs: Sequence[Sequence[str]]) -> list[Experiment]:
         """All points composed and checked; everything that is wrong with any of them is told at once."""
         found, problems = [], []
+        common = set(jobs[0]).intersection(*jobs)
         for words in jobs:
-            place = "point " + " ".join(word.lstrip("+") for word in words if not word.startswith("+experiment="))
+            place = "point " + " ".join(word.lstrip("+") for word in words if word not in common)
             try:
                 found.append(Experiment.load(words, self.folders, catalog=self.catalog))
             except InputError as error:
@@ -295,7 +297,7 @@ def _globbed(text: str, texts: Sequence[str], folders: Sequence[Path], catalog: 
         if fnmatch.fnmatchcase(stage, pattern)
         and not entry.signature.fault
         and entry.returns.name == node.entry.returns.name
-        and {p for p, (parameter, _) in entry.inputs.items() if parameter.required} <= given
+        and _takes(entry, given, set(node.settings))
     ]
     if not fitting:
         raise InputError(
@@ -304,6 +306,13 @@ def _globbed(text: str, texts: Sequence[str], folders: Sequence[Path], catalog: 
             expected=f"stages that take {', '.join(sorted(given))} and give {node.entry.type}",
         )
     return f"++graph.{name}.stage={','.join(fitting)}"
+
+
+def _takes(entry: Entry, given: set[str], set_already: set[str]) -> bool:
+    """Whether a stage can stand in the place of one that is given these inputs and has these settings."""
+    needed = {name for name, (parameter, _) in entry.inputs.items() if parameter.required}
+    needs_settings = {name for name, (parameter, _) in entry.settings.items() if parameter.required}
+    return needed <= given and bool(set(entry.inputs) & given) == bool(given) and needs_settings <= set_already
 
 
 def _is_sweep(text: str) -> bool:

@@ -210,9 +210,13 @@ class Toys:
         """Replace the graph by a YAML text."""
         self.experiment.write_text("# @package _global_\ngraph:\n" + _indented(dedent(text)))
 
-    def load(self, *overrides: str) -> Experiment:
+    def forget(self) -> None:
+        """Forget the toy package, so that its code is read anew."""
         for name in [n for n in sys.modules if n.split(".")[0] == "toybench"]:
             del sys.modules[name]
+
+    def load(self, *overrides: str) -> Experiment:
+        self.forget()
         words = ["+experiment=toy", f"paths.runs={self.folder / 'runs'}", *overrides]
         return Experiment.load(words)
 
