@@ -46,8 +46,11 @@ class RunFailed(PipelineError):
         for node in self.run.nodes.values():
             if node.status == "failed":
                 lines.append(f"stage '{node.name}' ({node.stage}) failed:\n{_indented(node.error)}")
-            elif node.status == "blocked":
-                lines.append(f"stage '{node.name}' was not run: it waits for {', '.join(node.blocked_by)}")
+                lines.append(f"  under a debugger: python -m pipeline debug {self.run.path} {node.name}")
+        blocked = [node for node in self.run.nodes.values() if node.status == "blocked"]
+        if blocked:
+            names = ", ".join(node.name for node in blocked)
+            lines.append(f"not run, since they wait for what failed: {names}")
         return "\n".join(lines)
 
 
@@ -120,6 +123,17 @@ class Experiment:
         words = [o.text if o.path != "experiment" else f"+{o.text}" for o in self.configuration.overrides]
         folders = [f"--config-dir={folder}" for folder in self.configuration.folders]
         return shlex.join(["python", "-m", "pipeline", *folders, *words])
+
+    def kept_content(self) -> dict[str, Any]:
+        """The configuration as a run keeps it, without the settings that a swapped stage does not have."""
+        content = dict(self.configuration.content)
+        content["graph"] = {
+            name: {key: value for key, value in node.items() if key not in self.graph.dropped.get(name, ())}
+            if isinstance(node, dict)
+            else node
+            for name, node in content["graph"].items()
+        }
+        return content
 
     def plan(self) -> Plan:
         """Find out what would run.
@@ -201,7 +215,7 @@ class Experiment:
             description=str(self.configuration.content.get("description") or "").strip(),
             nodes=nodes,
             metrics=_metrics(sorted(nodes.values(), key=lambda n: n.name != "evaluate"), self.store),
-            config_yaml=as_yaml(self.configuration.content),
+            config_yaml=as_yaml(self.kept_content()),
             versions=versions(),
             commit=commit(),
             host=platform.node(),

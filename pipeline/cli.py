@@ -19,6 +19,8 @@ optibench - a bench for optical-measurement experiments
   python -m pipeline list [experiments|rigs|executors|stages|devices|runs]
   python -m pipeline show NAME                                 manual of a stage or device; YAML of an experiment or rig
   python -m pipeline export RUN NODE FOLDER                    write a node's photographs as a folder to replay
+  python -m pipeline debug RUN NODE                            run one stage again, under a debugger
+  python -m pipeline clean [now]                               what no run needs any more; with now, remove it
 
 options
   -m, --multirun     sweep: values may be lists a,b,c, range(1,5), choice(...), glob(fit.*)
@@ -227,6 +229,48 @@ def _export(line: Line) -> int:
     return 0
 
 
+def _clean(line: Line) -> int:
+    from pipeline.clean import find_waste, remove
+    from pipeline.store import Store
+
+    known = {"paths.runs": "runs", "paths.store": ""}
+    for word in line.words:
+        name, _, value = word.partition("=")
+        if name not in known and word != "now":
+            raise InputError(
+                f"clean does not know '{word}'",
+                where="command line",
+                expected="clean [now] [paths.runs=DIR] [paths.store=DIR]",
+                hint=nearest(word, ["now", *known]),
+            )
+        if name in known:
+            known[name] = value
+    runs = Path(known["paths.runs"])
+    store = Store(Path(known["paths.store"] or runs / ".store"))
+    if not store.root.is_dir():
+        raise InputError(f"there is no store {store.root}", where="paths.store", expected="a folder with results")
+    now = "now" in line.words
+    waste = remove(runs, store) if now else find_waste(runs, store)
+    if not line.quiet:
+        for path, why in waste.paths.items():
+            print(f"{waste.size[path] / 1e6:10.2f} MB  {path}  ({why})")
+    for path in waste.captures:
+        print(f"kept: {path}, photographs of a capture that failed half way; remove it by hand if nobody resumes it")
+    word = "removed" if now else "could go, none removed"
+    print(f"{len(waste.paths)} values and files {word}, {waste.bytes / 1e6:.1f} MB; {waste.kept_runs} runs keep theirs")
+    if waste.paths and not now:
+        print("python -m pipeline clean now  removes them")
+    return 0
+
+
+def _debug(line: Line) -> int:
+    from pipeline.debug import debug
+
+    if len(line.words) != 2:
+        raise InputError("debug takes a run and a node", where="command line", expected="debug RUN NODE")
+    return debug(Path(line.words[0]), line.words[1])
+
+
 def _to_stderr(line: Line) -> Callable[[str], None]:
     """Where to say what is neither a result nor an error."""
 
@@ -243,6 +287,8 @@ COMMANDS: dict[str, Callable[[Line], int]] = {
     "list": _list,
     "show": _show,
     "export": _export,
+    "clean": _clean,
+    "debug": _debug,
 }
 
 TAKES_OVERRIDES = ("run", "why")

@@ -75,6 +75,25 @@ def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configura
     return configuration
 
 
+def recomposed(experiment: str, config_yaml: str, file: Path) -> Configuration:
+    """The configuration that a run kept, without looking at any other file.
+
+    Raises
+    ------
+    InputError
+        The text is not YAML, or no configuration.
+    """
+    import yaml
+
+    try:
+        content = yaml.load(config_yaml, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except yaml.YAMLError as error:
+        raise InputError(f"a YAML file cannot be read: {_one_line(error)}", where=shown(file)) from None
+    if not isinstance(content, dict):
+        raise InputError("a configuration is missing", where=shown(file), expected="sections such as graph and rig")
+    return Configuration(experiment, content, content, (), ((file, ""),))
+
+
 @contextmanager
 def hydra_ready(folders: Sequence[Path]) -> Iterator[list[str]]:
     """Hydra initialised on our folder; gives the overrides that add the others."""

@@ -112,13 +112,22 @@ class Graph:
         What can run.
     absent : dict of str to str
         Nodes that this configuration goes without, and why.
-    remarks : tuple of str
-        What the user should know, such as settings dropped when a stage was swapped.
+    dropped : dict of str to tuple of str
+        Settings that YAML wrote for a stage that an override replaced, by node.
     """
 
     nodes: Mapping[str, Node]
     absent: Mapping[str, str] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
+    dropped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the user should know."""
+        return tuple(
+            f"{name}: {self.nodes[name].entry.name} has no {', '.join(settings)}; left out"
+            for name, settings in self.dropped.items()
+            if name in self.nodes
+        )
 
 
 def build_graph(configuration: Configuration, catalog: Catalog) -> Graph:
@@ -137,7 +146,7 @@ class _Builder:
         self.configuration = configuration
         self.catalog = catalog
         self.errors: list[InputError] = []
-        self.remarks: list[str] = []
+        self.dropped: dict[str, tuple[str, ...]] = {}
         self.absent: dict[str, str] = {}
         self.nodes: dict[str, Node] = {}
 
@@ -156,7 +165,7 @@ class _Builder:
         order = self._order()
         if self.errors:
             raise InputErrors(self.errors)
-        return Graph({name: self.nodes[name] for name in order}, self.absent, tuple(self.remarks))
+        return Graph({name: self.nodes[name] for name in order}, self.absent, self.dropped)
 
     def _collect(self, check: Any) -> None:
         try:
@@ -240,7 +249,7 @@ class _Builder:
                 continue
             kept[key] = value
         if dropped:
-            self.remarks.append(f"{name}: {entry.name} has no {', '.join(dropped)}; left out")
+            self.dropped[name] = tuple(dropped)
         return kept
 
     def _fill(self, name: str, path: str, entry: Entry, written: Mapping[str, Any]) -> None:

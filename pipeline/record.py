@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-FORMAT = 2
+FORMAT = 3
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,8 @@ class Record:
         Digest under which the store keeps the versions of the libraries at hand.
     warnings, notes : tuple of str
         What the stage said.
+    captured : bool
+        Whether real devices took it, so that it cannot be computed again.
     """
 
     key: str
@@ -55,6 +57,7 @@ class Record:
     versions: str = ""
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    captured: bool = False
 
 
 _NAMES = tuple(f.name for f in fields(Record))

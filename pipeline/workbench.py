@@ -137,6 +137,7 @@ class Workbench:
             versions=self.versions,
             warnings=tuple(said.warnings),
             notes=tuple(said.notes),
+            captured=node.is_source,
         )
         self.store.keep(record)
         if journal is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import pytest
@@ -61,7 +62,8 @@ def test_a_failure_names_the_stage_and_its_cause(command: Command) -> None:
     assert status == 1
     assert "stage 'big' (toy.fails) failed" in err
     assert "RuntimeError: the toy broke" in err
-    assert "stage 'cut' was not run: it waits for big" in err
+    assert "not run, since they wait for what failed: cut, means" in err
+    assert re.search(r"under a debugger: python -m pipeline debug \S+/toy/\w+ big", err)
 
 
 def test_wrong_input_ends_with_status_2(command: Command) -> None:
