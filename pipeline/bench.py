@@ -89,7 +89,7 @@ class Experiment:
         """Check a composed configuration."""
         if catalog is None:
             paths = configuration.content.get("paths", {})
-            catalog = Catalog(Sources(Path(str(paths.get("store", "runs/.store"))) / "memory" / "sources.json"))
+            catalog = Catalog(Sources(Store.at(str(paths.get("store", "runs/.store"))).memory / "sources.json"))
         graph = until(build_graph(configuration, catalog), configuration.content.get("until"))
         return cls(configuration, catalog, graph)
 
@@ -106,7 +106,7 @@ class Experiment:
     @cached_property
     def store(self) -> Store:
         """Where results are kept."""
-        return Store(Path(str(self.configuration.content["paths"]["store"])))
+        return Store.at(str(self.configuration.content["paths"]["store"]))
 
     @property
     def digest(self) -> str:

@@ -13,6 +13,7 @@ from pipeline.config import Configuration, Override, configs_folder, groups, opt
 from pipeline.errors import InputError, nearest
 from pipeline.files import write_text
 from pipeline.keys import digest
+from pipeline.store import Store
 
 OPEN_SECTIONS = ("graph", "rig", "executor")
 """Sections whose settings are checked against signatures, so that an override may name one that no YAML writes."""
@@ -258,7 +259,7 @@ def _memory_file(texts: Sequence[str], folders: Sequence[Path]) -> Path | None:
     """Where the composition is remembered: in the store, if there is one; named by all that it depends on."""
     runs = next((t.partition("=")[2] for t in reversed(texts) if t.startswith("paths.runs=")), "runs")
     store = next((t.partition("=")[2] for t in reversed(texts) if t.startswith("paths.store=")), f"{runs}/.store")
-    memory = Path(store) / "memory"
+    memory = Store.at(store).memory
     if not memory.is_dir():
         return None
     stamps: dict[str, Any] = {}

@@ -171,7 +171,7 @@ class Run:
             "host": self.host,
             "finished": self.finished,
             "total_seconds": self.total_seconds,
-            "store": str(self.store.root.absolute()),
+            "store": self.store.location,
             "nodes": nodes,
         }
         write_text(self.path / "config.yaml", self.config_yaml)
@@ -194,7 +194,7 @@ def open_run(path: Path) -> Run:
             name=content["experiment"],
             digest=content["digest"],
             path=path,
-            store=Store(Path(content["store"])),
+            store=Store.at(content["store"]),
             command=content["command"],
             overrides=tuple(content["overrides"]),
             description=content["description"],

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.artifact import (
     DamagedArtifact,
@@ -33,6 +33,9 @@ from pipeline.journal import Journal
 from pipeline.keys import digest
 from pipeline.locks import locked, shared
 from pipeline.record import Record, record_content, record_of
+
+if TYPE_CHECKING:
+    from pipeline.mirror import Mirror
 
 REMEMBERED_BYTES = 65_536
 """Values no larger than this are remembered by the process that made them, and not read again."""
@@ -59,13 +62,37 @@ class Store:
     ----------
     root : Path
         The folder; made when first written to.
+    mirror : Mirror, optional
+        An object store whose local copy the folder is.
     """
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, mirror: Mirror | None = None) -> None:
         self.root = root
+        self.mirror = mirror
         self._verified: set[str] = set()
         self._remembered: dict[str, Any] = {}
         self._provenance: dict[str, Mapping[str, Any]] = {}
+
+    @classmethod
+    def at(cls, location: str | Path) -> Store:
+        """The store in a folder, or at a URL such as ``s3://bucket/results``, which is copied below the user's cache.
+
+        Raises
+        ------
+        InputError
+            The URL cannot be opened.
+        """
+        if "://" not in str(location):
+            return cls(Path(location))
+        from pipeline.mirror import Mirror
+
+        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        return cls(cache / "optibench" / digest(str(location))[:16], Mirror(str(location)))
+
+    @property
+    def location(self) -> str:
+        """Where it is, for others: the folder's full path, or the URL."""
+        return self.mirror.url if self.mirror else str(self.root.absolute())
 
     @property
     def memory(self) -> Path:
@@ -85,9 +112,11 @@ class Store:
             self.root.mkdir(parents=True, exist_ok=True)
             probe.touch()
             probe.unlink()
+            if self.mirror:
+                self.mirror.check()
         except OSError as error:
             raise InputError(
-                f"the store {self.root} cannot be written to: {error.strerror}",
+                f"the store {self.location} cannot be written to: {error.strerror or error}",
                 where="paths.store",
                 expected="a folder on a disk that can be written to",
                 hint="paths.store=DIR paths.runs=DIR put results elsewhere",
@@ -95,11 +124,11 @@ class Store:
 
     def object_folder(self, artifact: str) -> Path:
         """Folder of a value."""
-        return self.root / "objects" / artifact[:2] / artifact
+        return self.root / _object_name(artifact)
 
     def recipe_file(self, key: str) -> Path:
         """File of a recipe."""
-        return self.root / "recipes" / key[:2] / f"{key}.json"
+        return self.root / _recipe_name(key)
 
     def provenance_file(self, name: str) -> Path:
         """File of what many records share."""
@@ -108,14 +137,26 @@ class Store:
     def find(self, key: str) -> Record | None:
         """The record of a recipe whose value is there whole, or None."""
         record = self.record(key)
-        if record is None or not is_whole(self.object_folder(record.artifact)):
-            return None
-        return record
+        return record if record is not None and self._is_here(record.artifact) else None
+
+    def _is_here(self, artifact: str) -> bool:
+        """Whether a value lies here whole, now that it was brought if it could be."""
+        folder = self.object_folder(artifact)
+        if is_whole(folder):
+            return True
+        if self.mirror is None:
+            return False
+        if folder.exists():
+            self.set_aside(artifact)
+        return self.mirror.pull_folder(_object_name(artifact), folder) and is_whole(folder)
 
     def record(self, key: str) -> Record | None:
         """The record of a recipe, whether or not its value is still there; None where there is none."""
+        path = self.recipe_file(key)
+        if self.mirror and not path.is_file():
+            self.mirror.pull_file(_recipe_name(key), path)
         try:
-            return record_of(json.loads(self.recipe_file(key).read_bytes()), key)
+            return record_of(json.loads(path.read_bytes()), key)
         except (OSError, ValueError):
             return None
 
@@ -125,6 +166,7 @@ class Store:
         artifact = digest_of(description)
         target = self.object_folder(artifact)
         if is_whole(target):
+            self._push(artifact)
             return artifact
         temporary = self.root / "objects" / f".{uuid.uuid4().hex}"
         temporary.mkdir(parents=True)
@@ -144,10 +186,15 @@ class Store:
                 sync(target.parent)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
+        self._push(artifact)
         self._verified.add(artifact)
         if sum(array.nbytes for array in arrays.values()) <= REMEMBERED_BYTES:
             self._remembered[artifact] = rebuilt(description, data_types(), arrays)
         return artifact
+
+    def _push(self, artifact: str) -> None:
+        if self.mirror:
+            self.mirror.push_folder(self.object_folder(artifact), _object_name(artifact))
 
     def journal(self, key: str) -> Journal:
         """Where a capture keeps what it has taken until it is complete."""
@@ -156,6 +203,8 @@ class Store:
     def keep(self, record: Record) -> None:
         """Keep the record of a recipe whose value has been put."""
         write_text(self.recipe_file(record.key), json.dumps(record_content(record)))
+        if self.mirror:
+            self.mirror.push_file(self.recipe_file(record.key), _recipe_name(record.key))
 
     def keep_provenance(self, content: Mapping[str, Any]) -> str:
         """Keep what many records share, such as a listing of code, and return its digest."""
@@ -164,14 +213,19 @@ class Store:
             path = self.provenance_file(name)
             if not path.is_file():
                 write_text(path, json.dumps(content, indent=1))
+            if self.mirror:
+                self.mirror.push_file(path, f"provenance/{name}.json")
             self._provenance[name] = content
         return name
 
     def provenance(self, name: str) -> Mapping[str, Any]:
         """What was kept under that digest; empty where it is lost."""
         if name not in self._provenance:
+            path = self.provenance_file(name)
+            if self.mirror and name and not path.is_file():
+                self.mirror.pull_file(f"provenance/{name}.json", path)
             try:
-                content = json.loads(self.provenance_file(name).read_bytes())
+                content = json.loads(path.read_bytes())
                 self._provenance[name] = content if digest(content) == name else {}
             except (OSError, ValueError, InputError):
                 return {}
@@ -187,6 +241,8 @@ class Store:
         """
         if artifact in self._remembered:
             return self._remembered[artifact]
+        if self.mirror:
+            self._is_here(artifact)
         try:
             value = read_artifact(self.object_folder(artifact), data_types(), verify=artifact not in self._verified)
             if artifact not in self._verified and digest_of(read_description(self.object_folder(artifact))) != artifact:
@@ -210,6 +266,8 @@ class Store:
         self._verified.discard(artifact)
         self._remembered.pop(artifact, None)
         folder = self.object_folder(artifact)
+        if self.mirror:
+            self.mirror.remove_folder(_object_name(artifact))
         if folder.exists():
             target = self.root / "damaged" / f"{artifact}-{uuid.uuid4().hex[:8]}"
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -230,11 +288,19 @@ class Store:
                     held.enter_context(shared(self.root / "in-use"))
             yield
 
-    def __reduce__(self) -> tuple[Any, tuple[Path]]:
-        return _store_of_this_process, (self.root.absolute(),)
+    def __reduce__(self) -> tuple[Any, tuple[str]]:
+        return _store_of_this_process, (self.location,)
 
 
 @cache
-def _store_of_this_process(root: Path) -> Store:
+def _store_of_this_process(location: str) -> Store:
     """One store a process, so that what one task has read and checked need not be again by the next."""
-    return Store(root)
+    return Store.at(location)
+
+
+def _object_name(artifact: str) -> str:
+    return f"objects/{artifact[:2]}/{artifact}"
+
+
+def _recipe_name(key: str) -> str:
+    return f"recipes/{key[:2]}/{key}.json"

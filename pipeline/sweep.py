@@ -18,6 +18,7 @@ from pipeline.merge import merge
 from pipeline.outcome import Listener, Silent
 from pipeline.runs import Run, last_keys
 from pipeline.selection import forced
+from pipeline.store import Store
 
 if TYPE_CHECKING:
     from hydra.core.utils import JobReturn
@@ -263,7 +264,7 @@ class _Batches:
                 problems.append(error.at(place))
             except InputErrors as several:
                 problems += [error.at(place) for error in several.errors]
-        stores = {experiment.store.root for experiment in found}
+        stores = {experiment.store.location for experiment in found}
         if len(stores) > 1:
             problems.append(InputError("a sweep has one store", where="paths.store", expected="one value"))
         if problems:
@@ -324,7 +325,7 @@ def _is_sweep(text: str) -> bool:
 def _sources(words: Sequence[str]) -> Any:
     from pipeline.source import Sources
 
-    return Sources(Path(_written(words, "paths.store", f"{_runs(words)}/.store")) / "memory" / "sources.json")
+    return Sources(Store.at(_written(words, "paths.store", f"{_runs(words)}/.store")).memory / "sources.json")
 
 
 def _runs(words: Sequence[str]) -> str:
