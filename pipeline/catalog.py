@@ -110,10 +110,16 @@ class Catalog:
         InputError
             There is none; the nearest name is given.
         """
-        return _looked_up(name, self.devices, "device", "a device: a class in a module under pipeline/devices")
+        offered = {n: entry for n, entry in self.devices.items() if is_device(entry)}
+        return _looked_up(name, offered, "device", "a device: a class in a module under pipeline/devices")
 
     def _roots(self, group: str) -> list[str]:
         return [group, *declared(group)]
+
+
+def is_device(entry: Entry) -> bool:
+    """Whether a class in a module of devices is one that a rig would name, not a value or a helper of it."""
+    return not (entry.module.endswith(".protocols") or entry.signature.decorated)
 
 
 def _entries(module: ModuleSource, prefix: str, *, classes: bool) -> list[Entry]:

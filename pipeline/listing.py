@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from pipeline.catalog import Catalog, Entry
+from pipeline.catalog import Catalog, Entry, is_device
 from pipeline.config import options
 from pipeline.errors import InputError, PipelineError, nearest
 from pipeline.runs import MANIFEST, open_run
@@ -37,13 +37,8 @@ def _stages(places: Places) -> Rows:
 
 def _devices(places: Places) -> Rows:
     for name, entry in sorted(Catalog(Sources()).devices.items()):
-        if is_device(entry):
+        if is_device(entry) and not entry.signature.fault:
             yield name, entry.summary
-
-
-def is_device(entry: Entry) -> bool:
-    """Whether a class in a module of devices is one that a rig would name, not a value or a helper of it."""
-    return not (entry.module.endswith(".protocols") or entry.signature.fault or entry.signature.decorated)
 
 
 def _runs(places: Places) -> Rows:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import re
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, entry_points, requires, version
 from pathlib import Path
 
 DISTRIBUTION = "optibench"
@@ -20,6 +20,8 @@ def versions() -> dict[str, str]:
         ]
     except PackageNotFoundError:
         return found
+    for group in ("pipeline.stages", "pipeline.devices"):
+        names += [point.dist.name for point in entry_points(group=group) if point.dist is not None]
     for name in names:
         try:
             found[name] = version(name)

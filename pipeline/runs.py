@@ -96,6 +96,17 @@ class Run:
         nodes = ", ".join(f"{name}: {node.status}" for name, node in self.nodes.items())
         return f"<Run {self.path}  {nodes}>"
 
+    def _repr_html_(self) -> str:
+        from pipeline.notebook import run_html
+
+        return run_html(self)
+
+    def mesh(self, name: str) -> Any:
+        """The images of a node's value as a ``pyvista.ImageData``; see :func:`pipeline.meshes.as_mesh`."""
+        from pipeline.meshes import as_mesh
+
+        return as_mesh(self.value(name))
+
     def __getitem__(self, name: str) -> Any:
         """The value of a node, its arrays memory-mapped and read-only."""
         return self.value(name)

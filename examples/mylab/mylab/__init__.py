@@ -1,0 +1,1 @@
+"""Stages and devices of a laboratory."""
