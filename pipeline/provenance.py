@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import platform
 import re
+from functools import cache
 from importlib.metadata import PackageNotFoundError, entry_points, requires, version
 from pathlib import Path
 
 DISTRIBUTION = "optibench"
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of Python, of this package and of the libraries that it requires."""
     found = {"python": platform.python_version()}
