@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.catalog import Catalog
-from pipeline.compose import compose
+from pipeline.compose import compose, remember
 from pipeline.config import Configuration
 from pipeline.errors import PipelineError
 from pipeline.execute import check_before_running, execute
@@ -173,6 +173,7 @@ class Experiment:
             if not plan.to_run and (known := self._finished(plan)) is not None:
                 for name, step in plan.steps.items():
                     listener.ended(Outcome(name, "cached", step.record, step.reason))
+                self._remember()
                 return known
             outcomes = carry_out(plan, self.store, executor, listener)
             run = self.finish(outcomes, time.perf_counter() - start)
@@ -184,7 +185,14 @@ class Experiment:
         run = self._run(outcomes, seconds)
         run.save()
         remember_keys(self.runs, run)
+        self._remember()
         return run
+
+    def _remember(self) -> None:
+        """Keep what composing and reading sources gave, so that the next command need not do it again."""
+        with suppress(OSError):
+            self.catalog.sources.remember()
+            remember(self.configuration)
 
     def _finished(self, plan: Plan) -> Run | None:
         """The run as it lies in its folder, where that is complete and all its values are those of the plan."""
@@ -230,10 +238,9 @@ def plan_of(experiment: Experiment, graph: Graph, **options: Any) -> Plan:
     sources = experiment.catalog.sources
     recapture = bool(experiment.configuration.content.get("recapture", False))
     plan = make_plan(graph, sources, experiment.store, files, recapture=recapture, **options)
-    if plan.to_run and experiment.store.root.is_dir():
+    if experiment.store.root.is_dir():
         with suppress(OSError):
             files.remember()
-            sources.remember()
     return plan
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from pipeline.config import Configuration, Override, configs_folder, groups, option_file, options, shown
 from pipeline.errors import InputError, nearest
-from pipeline.files import write_text
+from pipeline.files import settled, stamp, write_text
 from pipeline.keys import digest
 from pipeline.store import Store
 
@@ -62,7 +62,6 @@ def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configura
     known = _recalled(memory)
     if known is None:
         known = _composed(texts, overrides, folders)
-        _remember(memory, known)
     configuration = Configuration(
         experiment=experiment,
         content=known["content"],
@@ -71,6 +70,7 @@ def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configura
         files=tuple((Path(file), section) for file, section in known["files"]),
         folders=tuple(folders),
         sweeps=bool(known["sweeps"]),
+        memory=memory,
     )
     _check_sections(configuration)
     return configuration
@@ -256,19 +256,16 @@ def _check_sections(configuration: Configuration) -> None:
 
 
 def _memory_file(texts: Sequence[str], folders: Sequence[Path]) -> Path | None:
-    """Where the composition is remembered: in the store, if there is one; named by all that it depends on."""
+    """Where the composition is remembered: in the store, named by all that it depends on; None while files change."""
     runs = next((t.partition("=")[2] for t in reversed(texts) if t.startswith("paths.runs=")), "runs")
     store = next((t.partition("=")[2] for t in reversed(texts) if t.startswith("paths.store=")), f"{runs}/.store")
-    memory = Store.at(store).memory
-    if not memory.is_dir():
+    memory = Store.at(store).memory / "composed"
+    files = [path for folder in (configs_folder(), *folders) for path in sorted(folder.rglob("*.yaml"))]
+    stamps = {str(path.absolute()): stamp(path) for path in files}
+    if not settled(stamps.values()):
         return None
-    stamps: dict[str, Any] = {}
-    for folder in (configs_folder(), *folders):
-        for path in sorted(folder.rglob("*.yaml")):
-            status = path.stat()
-            stamps[str(path.absolute())] = [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
     name = digest({"format": _FORMAT, "overrides": list(texts), "folders": [str(f) for f in folders], "files": stamps})
-    return memory / "composed" / f"{name}.json"
+    return memory / f"{name}.json"
 
 
 def _recalled(memory: Path | None) -> dict[str, Any] | None:
@@ -281,10 +278,17 @@ def _recalled(memory: Path | None) -> dict[str, Any] | None:
         return None
 
 
-def _remember(memory: Path | None, known: Mapping[str, Any]) -> None:
+def remember(configuration: Configuration) -> None:
     """Keep a composition, unless it depends on more than files and words, or JSON cannot hold it."""
-    if memory is None or re.search(r"\$\{[^}]*:", str(known["raw"])):
+    memory = configuration.memory
+    if memory is None or memory.is_file() or re.search(r"\$\{[^}]*:", str(configuration.raw)):
         return
+    known = {
+        "content": configuration.content,
+        "raw": configuration.raw,
+        "sweeps": configuration.sweeps,
+        "files": [[str(file), section] for file, section in configuration.files],
+    }
     try:
         text = json.dumps(known)
         if json.loads(text) != known:

@@ -41,6 +41,8 @@ class Configuration:
         Folders of YAML files besides ours.
     sweeps : bool
         Whether it asks for a sweep of itself (``hydra.mode: MULTIRUN``).
+    memory : Path or None
+        File in which the composition may be remembered.
     """
 
     experiment: str
@@ -50,6 +52,7 @@ class Configuration:
     files: tuple[tuple[Path, str], ...]
     folders: tuple[Path, ...] = ()
     sweeps: bool = False
+    memory: Path | None = field(default=None, compare=False, repr=False)
     _trees: dict[Path, yaml.Node | None] = field(default_factory=dict, compare=False, repr=False)
 
     def written_by_override(self, path: str) -> bool:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import time
 import uuid
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from pipeline.errors import InputError, nearest
 from pipeline.keys import digest, digest_file
+
+_SETTLING_NS = 100_000_000
 
 MOST_FILES = 10_000
 """A folder given as a setting may hold at most this many files."""
@@ -48,10 +52,25 @@ def as_yaml(content: object) -> str:
     return str(yaml.dump(content, Dumper=dumper, sort_keys=False, allow_unicode=True, width=120))
 
 
-class FileDigests:
-    """Content digests of files and folders; a file is read again only when its size, times or place changed.
+def stamp(path: Path) -> list[int]:
+    """What changes when a file does, found without reading it: size, both times, and place on disk.
 
-    The time of the last change of the file's status counts too, which no copy and no ``touch`` can set back.
+    The time at which its status changed counts too, which no copy and no ``touch`` can set back.
+    """
+    status = path.stat()
+    return [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+
+
+def settled(stamps: Iterable[Sequence[int]]) -> bool:
+    """Whether files changed so long ago that another change would have given them another stamp.
+
+    Times of files are as coarse as the kernel's clock tick; a time in the future settles nothing.
+    """
+    return all(max(times) < time.time_ns() - _SETTLING_NS for _, *times, _ in stamps)
+
+
+class FileDigests:
+    """Content digests of files and folders; a file is read again only when its :func:`stamp` changed.
 
     Parameters
     ----------
@@ -91,15 +110,16 @@ class FileDigests:
             self._fresh = False
 
     def _file(self, path: Path) -> str:
-        status = path.stat()
-        stamp = [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+        now = stamp(path)
         key = str(path.resolve())
         known = self._known.get(key)
-        if known is None or known[:-1] != stamp:
-            known = [*stamp, digest_file(path)]
-            self._known[key] = known
+        if known is not None and known[:-1] == now:
+            return str(known[-1])
+        found = digest_file(path)
+        if settled([now]):
+            self._known[key] = [*now, found]
             self._fresh = True
-        return str(known[-1])
+        return found
 
 
 def _files_below(folder: Path) -> list[str]:

@@ -10,19 +10,21 @@ import ast
 import hashlib
 import importlib.util
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError
+from pipeline.files import settled, stamp
 from pipeline.keys import DIGEST_CHARACTERS, digest, digest_bytes
 
 ROOT = "pipeline"
 REQUIRED = "<required>"
-_CACHE_FORMAT = 4
+_CACHE_FORMAT = 5
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,7 @@ class ModuleSource:
     signatures: dict[str, Signature]
 
 
+@cache
 def declared(group: str) -> list[str]:
     """Packages that installed distributions declare under an entry-point group."""
     return sorted({point.value for point in entry_points(group=group)} - {group})
@@ -105,7 +108,7 @@ class Sources:
         self._modules: dict[str, ModuleSource | None] = {}
         self._codes: dict[frozenset[str], Code] = {}
         self._fresh = False
-        self._parsed: dict[str, dict[str, Any]] = _remembered(memory)
+        self._parsed, self._stamps = _remembered(memory)
 
     @cached_property
     def packages(self) -> dict[str, Path]:
@@ -194,33 +197,41 @@ class Sources:
 
         current = {m.text_digest + " " + m.name for m in self._modules.values() if m}
         kept = {key: value for key, value in self._parsed.items() if key in current}
-        write_text(self._memory, json.dumps({"format": _CACHE_FORMAT, "modules": kept}))
+        content = {"format": _CACHE_FORMAT, "modules": kept, "stamps": self._stamps}
+        write_text(self._memory, json.dumps(content))
         self._fresh = False
 
     def _read(self, name: str, path: Path) -> ModuleSource:
-        text = path.read_bytes()
-        companions = [p for p in path.parent.glob(path.stem + ".*") if p.suffix not in {".py", ".pyc", ".pyi"}]
-        text_digest = digest_bytes(text)
-        key = f"{text_digest} {name}"
-        if key not in self._parsed:
-            try:
-                self._parsed[key] = _parse(name, text, is_package=path.name == "__init__.py")
-            except (SyntaxError, ValueError) as error:
-                line = getattr(error, "lineno", None)
-                raise InputError(
-                    f"a file of code cannot be read: {getattr(error, 'msg', error)}",
-                    where=f"{path}, line {line}" if line else str(path),
-                    expected="Python",
-                ) from None
+        companions = sorted(_companions(path))
+        files = [str(p) for p in (path, *companions)]
+        stamps = [stamp(p) for p in (path, *companions)]
+        known = self._stamps.get(name)
+        if known is not None and known[0] == [files, stamps] and known[1] in self._parsed:
+            key, code_digest = known[1], known[2]
+        else:
+            text = path.read_bytes()
+            key = f"{digest_bytes(text)} {name}"
+            if key not in self._parsed:
+                try:
+                    self._parsed[key] = _parse(name, text, is_package=path.name == "__init__.py")
+                except (SyntaxError, ValueError) as error:
+                    line = getattr(error, "lineno", None)
+                    raise InputError(
+                        f"a file of code cannot be read: {getattr(error, 'msg', error)}",
+                        where=f"{path}, line {line}" if line else str(path),
+                        expected="Python",
+                    ) from None
+            code_digest = self._parsed[key]["code_digest"]
+            for companion in companions:
+                code_digest = digest_bytes(f"{code_digest} {companion.name} ".encode() + companion.read_bytes())
+            if settled(stamps):
+                self._stamps[name] = [[files, stamps], key, code_digest]
             self._fresh = True
         parsed = self._parsed[key]
-        code_digest = parsed["code_digest"]
-        for companion in sorted(companions):
-            code_digest = digest_bytes(f"{code_digest} {companion.name} ".encode() + companion.read_bytes())
         return ModuleSource(
             name=name,
             path=path,
-            text_digest=text_digest,
+            text_digest=key.partition(" ")[0],
             code_digest=code_digest,
             imports=tuple(parsed["imports"]),
             names=parsed["names"],
@@ -231,14 +242,21 @@ class Sources:
         )
 
 
-def _remembered(memory: Path | None) -> dict[str, dict[str, Any]]:
+def _companions(path: Path) -> list[Path]:
+    """Data files that belong to a module: those with its stem."""
+    prefix = path.stem + "."
+    names = [name for name in os.listdir(path.parent) if name.startswith(prefix)]
+    return [path.parent / name for name in names if Path(name).suffix not in {".py", ".pyc", ".pyi"}]
+
+
+def _remembered(memory: Path | None) -> tuple[dict[str, dict[str, Any]], dict[str, list[Any]]]:
     if memory is None:
-        return {}
+        return {}, {}
     try:
-        content = json.loads(memory.read_text())
-        return content["modules"] if content["format"] == _CACHE_FORMAT else {}
+        content = json.loads(memory.read_bytes())
+        return (content["modules"], content["stamps"]) if content["format"] == _CACHE_FORMAT else ({}, {})
     except (OSError, ValueError, KeyError, TypeError):
-        return {}
+        return {}, {}
 
 
 def _parse(module: str, text: bytes, *, is_package: bool) -> dict[str, Any]:
