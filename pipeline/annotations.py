@@ -127,10 +127,12 @@ def check_setting(value: Any, annotation: Annotation, name: str) -> Any:
     if kind == "int" and isinstance(value, float) and value.is_integer() and math.isfinite(value):
         return int(value)
     if kind == "float" and isinstance(value, int | float) and not isinstance(value, bool):
+        if not math.isfinite(value):
+            raise InputError(f"{name} is {value}", expected="a finite number")
         return float(value)
     if kind == "str" and isinstance(value, str):
         return value
-    if kind == "Path" and isinstance(value, str | Path):
+    if kind == "Path" and isinstance(value, str | Path) and str(value).strip():
         return Path(value).expanduser().absolute()
     if kind == "literal" and any(value == c and type(value) is type(c) for c in annotation.choices):
         return value

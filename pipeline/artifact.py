@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 FORMAT = 1
 META = "meta.json"
+_MALFORMED = (KeyError, TypeError, ValueError, AttributeError, OverflowError)
 
 
 class DamagedArtifact(PipelineError):
@@ -69,7 +70,7 @@ def is_whole(folder: Path) -> bool:
     """Whether all files are there with the right sizes, without reading them."""
     try:
         return all((folder / name).stat().st_size == size for name, size in _files(read_description(folder)).items())
-    except (OSError, DamagedArtifact):
+    except (OSError, DamagedArtifact, *_MALFORMED):
         return False
 
 
@@ -98,7 +99,7 @@ def read_artifact(folder: Path, types: Mapping[str, type], *, verify: bool) -> A
             raise DamagedArtifact(f"{folder} names a file outside itself: {name}")
         try:
             array = np.load(folder / name, mmap_mode="r" if entry["shape"] else None, allow_pickle=False)
-        except (OSError, ValueError) as error:
+        except Exception as error:  # a header that was damaged can fail in any way
             raise DamagedArtifact(f"{folder / name} cannot be read: {error}") from None
         if array.dtype.str != entry["dtype"] or list(array.shape) != entry["shape"]:
             raise DamagedArtifact(f"{folder / name} is not the array that {META} describes")
@@ -106,7 +107,10 @@ def read_artifact(folder: Path, types: Mapping[str, type], *, verify: bool) -> A
             raise DamagedArtifact(f"{folder / name} has changed since it was written")
         return array
 
-    return _rebuild(read_description(folder), types, load, folder)
+    try:
+        return _rebuild(read_description(folder), types, load, folder)
+    except _MALFORMED as error:
+        raise DamagedArtifact(f"{folder / META} is not what this version writes: {error!r}") from None
 
 
 def rebuilt(description: Mapping[str, Any], types: Mapping[str, type], arrays: Mapping[str, np.ndarray]) -> Any:
@@ -170,25 +174,31 @@ def _npy_bytes(array: np.ndarray) -> int:
 
 
 def _digestible(description: Any) -> Any:
-    if isinstance(description, Mapping):
-        if "array" in description:
-            return Digest(description["digest"])
-        if "number" in description:
-            return float.fromhex(description["number"])
-        return {key: _digestible(item) for key, item in description.items()}
+    """The description with arrays and numbers in their places; names that a user gave are never taken for tags."""
     if isinstance(description, list):
         return [_digestible(item) for item in description]
-    return description
+    if not isinstance(description, Mapping):
+        return description
+    if "array" in description:
+        return Digest(description["digest"])
+    if "number" in description:
+        return float.fromhex(description["number"])
+    inside = "mapping" if "mapping" in description else "fields"
+    members = {name: _digestible(item) for name, item in description[inside].items()}
+    return {**description, inside: members}
 
 
 def _files(description: Any) -> dict[str, int]:
-    if isinstance(description, Mapping):
-        if "array" in description:
-            return {str(description["array"]): int(description["bytes"])}
-        return {name: size for item in description.values() for name, size in _files(item).items()}
+    """Sizes of the files of all arrays."""
     if isinstance(description, list):
-        return {name: size for item in description for name, size in _files(item).items()}
-    return {}
+        inner: Iterable[Any] = description
+    elif not isinstance(description, Mapping) or "number" in description:
+        return {}
+    elif "array" in description:
+        return {str(description["array"]): int(description["bytes"])}
+    else:
+        inner = description["mapping" if "mapping" in description else "fields"].values()
+    return {name: size for item in inner for name, size in _files(item).items()}
 
 
 def _rebuild(

@@ -7,6 +7,7 @@ import os
 import time
 import uuid
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from pipeline.errors import InputError, nearest
@@ -81,10 +82,10 @@ class FileDigests:
     def __init__(self, memory: Path | None = None) -> None:
         self._memory = memory
         self._fresh = False
-        try:
-            self._known: dict[str, list[object]] = json.loads(memory.read_text()) if memory else {}
-        except (OSError, ValueError):
-            self._known = {}
+        self._known: dict[str, list[object]] = {}
+        with suppress(OSError, ValueError):
+            known = json.loads(memory.read_bytes()) if memory else {}
+            self._known = known if isinstance(known, dict) and all(isinstance(v, list) for v in known.values()) else {}
 
     def of(self, path: Path) -> str:
         """Digest of a file's bytes, or of a folder's files by their relative names; hidden files do not count.
@@ -102,6 +103,11 @@ class FileDigests:
             raise InputError(f"there is no file or folder {path}", hint=_neighbour(path)) from None
         except OSError as error:
             raise InputError(f"{path} cannot be read: {error.strerror}") from None
+
+    def stamp(self, path: Path) -> str:
+        """What changes when a file or any file of a folder does, found without reading them."""
+        names = _files_below(path) if path.is_dir() else ["."]
+        return digest({name: stamp(path / name) for name in names})
 
     def remember(self) -> None:
         """Keep the digests for the next process."""
@@ -123,13 +129,17 @@ class FileDigests:
 
 
 def _files_below(folder: Path) -> list[str]:
-    names = []
-    for path in folder.rglob("*"):
-        relative = path.relative_to(folder)
-        if path.is_file() and not any(part.startswith(".") for part in relative.parts):
-            names.append(relative.as_posix())
-            if len(names) > MOST_FILES:
-                raise InputError(f"{folder} holds more than {MOST_FILES} files", expected="a folder of one capture")
+    """Names of the files of a folder and the folders in it, links followed, hidden ones left out."""
+    names: list[str] = []
+    been: set[Path] = set()
+    for place, folders, files in os.walk(folder, followlinks=True):
+        here = Path(place)
+        folders[:] = sorted(f for f in folders if not f.startswith(".") and (here / f).resolve() not in been)
+        been |= {(here / f).resolve() for f in folders}
+        relative = here.relative_to(folder)
+        names += [(relative / f).as_posix() for f in files if not f.startswith(".") and (here / f).is_file()]
+        if len(names) > MOST_FILES:
+            raise InputError(f"{folder} holds more than {MOST_FILES} files", expected="a folder of one capture")
     return sorted(names)
 
 

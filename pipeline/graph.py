@@ -254,6 +254,7 @@ class _Builder:
 
     def _fill(self, name: str, path: str, entry: Entry, written: Mapping[str, Any]) -> None:
         problems: list[InputError] = []
+        written = {str(key): value for key, value in written.items()}
         for key in written:
             if key not in entry.inputs and key not in entry.settings:
                 problems.append(
@@ -335,6 +336,7 @@ class _Builder:
         except InputError as error:
             raise error.at(self.configuration.where(f"{path}.device")) from None
         parameters = {**entry.inputs, **entry.settings}
+        value = {str(key): item for key, item in value.items()}
         problems = []
         settings = {}
         for key in value:

@@ -10,7 +10,6 @@ import ast
 import hashlib
 import importlib.util
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache, cached_property
@@ -24,7 +23,8 @@ from pipeline.keys import DIGEST_CHARACTERS, digest, digest_bytes
 
 ROOT = "pipeline"
 REQUIRED = "<required>"
-_CACHE_FORMAT = 5
+DATA_SUFFIXES = (".csv", ".dat", ".eds", ".h5", ".json", ".npy", ".npz", ".toml", ".txt", ".xml", ".yaml", ".zip")
+_CACHE_FORMAT = 6
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,8 @@ class Sources:
 
         current = {m.text_digest + " " + m.name for m in self._modules.values() if m}
         kept = {key: value for key, value in self._parsed.items() if key in current}
-        content = {"format": _CACHE_FORMAT, "modules": kept, "stamps": self._stamps}
+        check = digest([kept, self._stamps])
+        content = {"format": _CACHE_FORMAT, "modules": kept, "stamps": self._stamps, "check": check}
         write_text(self._memory, json.dumps(content))
         self._fresh = False
 
@@ -243,10 +244,9 @@ class Sources:
 
 
 def _companions(path: Path) -> list[Path]:
-    """Data files that belong to a module: those with its stem."""
-    prefix = path.stem + "."
-    names = [name for name in os.listdir(path.parent) if name.startswith(prefix)]
-    return [path.parent / name for name in names if Path(name).suffix not in {".py", ".pyc", ".pyi"}]
+    """Data files that belong to a module: those with its stem and a suffix of data."""
+    beside = (path.with_suffix(suffix) for suffix in DATA_SUFFIXES)
+    return [file for file in beside if file.is_file()]
 
 
 def _remembered(memory: Path | None) -> tuple[dict[str, dict[str, Any]], dict[str, list[Any]]]:
@@ -254,8 +254,10 @@ def _remembered(memory: Path | None) -> tuple[dict[str, dict[str, Any]], dict[st
         return {}, {}
     try:
         content = json.loads(memory.read_bytes())
-        return (content["modules"], content["stamps"]) if content["format"] == _CACHE_FORMAT else ({}, {})
-    except (OSError, ValueError, KeyError, TypeError):
+        if content["format"] != _CACHE_FORMAT or content["check"] != digest([content["modules"], content["stamps"]]):
+            return {}, {}
+        return content["modules"], content["stamps"]
+    except (OSError, ValueError, KeyError, TypeError, InputError):
         return {}, {}
 
 
@@ -362,7 +364,8 @@ def _class(node: ast.ClassDef) -> Signature:
             )
         elif isinstance(item, ast.Assign | ast.AnnAssign) and isinstance(item.value, ast.Constant):
             targets = item.targets if isinstance(item, ast.Assign) else [item.target]
-            constants |= {t.id: item.value.value for t in targets if isinstance(t, ast.Name)}
+            if isinstance(item.value.value, str | int | float | None):
+                constants |= {t.id: item.value.value for t in targets if isinstance(t, ast.Name)}
     return Signature(
         node.name,
         ast.get_docstring(node) or "",
@@ -390,8 +393,9 @@ def _parameters(args: ast.arguments) -> tuple[tuple[Parameter, ...], str]:
         if default is not None:
             try:
                 value = ast.literal_eval(default)
-            except ValueError:
-                fault = f"the default of '{arg.arg}' is not a literal"
+                json.dumps(value)
+            except (ValueError, TypeError):
+                value, fault = None, f"the default of '{arg.arg}' is not a literal"
         annotation = ast.unparse(arg.annotation) if arg.annotation else ""
         if not annotation:
             fault = f"'{arg.arg}' has no annotation"

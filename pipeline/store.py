@@ -244,9 +244,10 @@ class Store:
         if self.mirror:
             self._is_here(artifact)
         try:
-            value = read_artifact(self.object_folder(artifact), data_types(), verify=artifact not in self._verified)
-            if artifact not in self._verified and digest_of(read_description(self.object_folder(artifact))) != artifact:
-                raise DamagedArtifact(f"{self.object_folder(artifact)} is not the value of its name")
+            folder, new = self.object_folder(artifact), artifact not in self._verified
+            value = read_artifact(folder, data_types(), verify=new)
+            if new and digest_of(read_description(folder)) != artifact:
+                raise DamagedArtifact(f"{folder} is not the value of its name")
         except DamagedArtifact:
             self.set_aside(artifact)
             raise
