@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import shlex
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -16,14 +17,14 @@ from typing import Any
 from pipeline.catalog import Catalog
 from pipeline.compose import compose, remember
 from pipeline.config import Configuration
-from pipeline.errors import PipelineError
+from pipeline.errors import InputError, PipelineError
 from pipeline.execute import check_before_running, execute
 from pipeline.executors import Executor, executor_of
 from pipeline.files import FileDigests, as_yaml
 from pipeline.graph import Graph, Node, build_graph, plain
 from pipeline.keys import digest
 from pipeline.outcome import Listener, Outcome, Silent
-from pipeline.plan import Plan, make_plan
+from pipeline.plan import Plan, make_plan, recheck
 from pipeline.provenance import commit, versions
 from pipeline.runs import NodeRun, Run, last_keys, open_run, remember_keys
 from pipeline.selection import forced, until
@@ -90,6 +91,7 @@ class Experiment:
         if catalog is None:
             paths = configuration.content.get("paths", {})
             catalog = Catalog(Sources(Store.at(str(paths.get("store", "runs/.store"))).memory / "sources.json"))
+        executor_of(configuration.content.get("executor") or {})
         graph = until(build_graph(configuration, catalog), configuration.content.get("until"))
         return cls(configuration, catalog, graph)
 
@@ -120,7 +122,7 @@ class Experiment:
     @property
     def command(self) -> str:
         """The command that runs it again."""
-        words = [o.text if o.path != "experiment" else f"+{o.text}" for o in self.configuration.overrides]
+        words = self.configuration.words
         folders = [f"--config-dir={folder}" for folder in self.configuration.folders]
         return shlex.join(["python", "-m", "pipeline", *folders, *words])
 
@@ -170,12 +172,14 @@ class Experiment:
         executor = executor_of(self.configuration.content.get("executor") or {}, log)
         with self.store.in_use():
             plan = self.plan()
-            if not plan.to_run and (known := self._finished(plan)) is not None:
+            known = None if plan.to_run else self._finished(plan)
+            if known is not None:
                 for name, step in plan.steps.items():
                     listener.ended(Outcome(name, "cached", step.record, step.reason))
                 self._remember()
                 return known
-            outcomes = carry_out(plan, self.store, executor, listener)
+            check_writable(self.runs)
+            outcomes = carry_out(recheck(plan, self.store), self.store, executor, listener)
             run = self.finish(outcomes, time.perf_counter() - start)
             write_report(run)
         return run
@@ -204,6 +208,7 @@ class Experiment:
         same = artifacts == {n.name: n.artifact for n in run.nodes.values() if n.artifact}
         if not same or run.failed or not run.report.is_file():
             return None
+        run = replace(run, store=self.store)
         nodes = {
             n.name: replace(n, status="cached", reason=plan.steps[n.name].reason) if n.artifact else n
             for n in run.nodes.values()
@@ -242,6 +247,26 @@ def plan_of(experiment: Experiment, graph: Graph, **options: Any) -> Plan:
         with suppress(OSError):
             files.remember()
     return plan
+
+
+def check_writable(runs: Path) -> None:
+    """Find out before work starts whether run folders can be made.
+
+    Raises
+    ------
+    InputError
+        They cannot.
+    """
+    try:
+        runs.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=runs):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"the folder {runs} cannot be written to: {error.strerror}",
+            where="paths.runs",
+            expected="a folder on a disk that can be written to",
+        ) from None
 
 
 def carry_out(plan: Plan, store: Store, executor: Executor, listener: Listener) -> dict[str, Outcome]:

@@ -32,6 +32,14 @@ SECTIONS = (
 )
 """What may stand at the top of a configuration, besides what others refer to."""
 
+SECTION_KINDS = (
+    ("description", (str, type(None)), "text"),
+    ("graph", dict, "nodes: {stage: ..., ...}"),
+    ("executor", (dict, type(None)), "{kind: threads, ...}"),
+    ("paths", dict, "{runs: DIR, store: DIR}"),
+    ("recapture", bool, "true or false"),
+)
+
 MOST_REMEMBERED = 200
 _FORMAT = 2
 
@@ -69,6 +77,7 @@ def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configura
         overrides=tuple(parsed(text) for text in texts),
         files=tuple((Path(file), section) for file, section in known["files"]),
         folders=tuple(folders),
+        words=tuple(f"+{word}" if word.startswith("experiment=") else word for word in overrides),
         sweeps=bool(known["sweeps"]),
         memory=memory,
     )
@@ -127,7 +136,13 @@ def readable_errors(where: str) -> Iterator[None]:
         cause = error.__cause__ or error
         what = _one_line(error if cause is error else f"{_one_line(error)}: {_one_line(cause)}")
         what, _, _ = what.partition(" To append to your config use ")
-        raise InputError(what, where=where) from None
+        unknown = re.search(r"Could not override '([\w.]+)'", what)
+        hint = nearest(unknown[1].split(".")[0], SECTIONS) if unknown else ""
+        raise InputError(what, where=where, hint=hint) from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"a YAML file is not UTF-8: {error.reason}", where=where) from None
+    except (AssertionError, AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"the YAML files cannot be composed: {_one_line(error) or repr(error)}", where=where) from None
 
 
 def opened(text: str) -> str:
@@ -136,6 +151,21 @@ def opened(text: str) -> str:
         return "+" + text
     if re.match(rf"({'|'.join(OPEN_SECTIONS)})\.", text):
         return "++" + text
+    return text
+
+
+def quoted(text: str) -> str:
+    """An override with its value in quotes where Hydra's grammar would not take it as it stands, as a path may be."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import OverrideParseException
+
+    try:
+        OverridesParser.create().parse_override(text)
+    except OverrideParseException:
+        name, equals, value = text.partition("=")
+        if equals and value and not value.startswith(("[", "{", "'", '"')):
+            escaped = value.replace("\\", "\\\\").replace("'", "\\'")
+            return f"{name}='{escaped}'"
     return text
 
 
@@ -182,7 +212,8 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
     _check_paths(texts)
     with readable_errors(" ".join(overrides)):
         with hydra_ready(folders) as search:
-            composed = hydra_compose("config", overrides=[*search, *texts], return_hydra_config=True)
+            words = [*search, *(quoted(text) for text in texts)]
+            composed = hydra_compose("config", overrides=words, return_hydra_config=True)
         choices = dict(composed.hydra.runtime.choices)
         sweeps = str(composed.hydra.mode).endswith("MULTIRUN")
         raw = OmegaConf.to_container(composed, resolve=False)
@@ -196,8 +227,10 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
     for group, choice in choices.items():
         if isinstance(choice, str) and not group.startswith("hydra"):
             file = option_file(group, choice, folders)
-            if file is not None:
-                files.append((file, "" if group == "experiment" else group))
+            if file is None:
+                hint = nearest(choice, options(group, folders))
+                raise InputError(f"there is no {group} '{choice}'", where="the experiment's defaults", hint=hint)
+            files.append((file, "" if group == "experiment" else group))
     return {
         "content": {str(k): v for k, v in content.items()},
         "raw": {str(k): v for k, v in raw.items()},
@@ -245,6 +278,14 @@ def _check_sections(configuration: Configuration) -> None:
             where=shown(file) if file else "",
             expected="'# @package _global_' as the first line of the file",
         )
+    for name, kinds, expected in SECTION_KINDS:
+        value = configuration.content.get(name)
+        if not isinstance(value, kinds):
+            raise InputError(f"'{name}' is {value!r}", where=configuration.where(name), expected=expected)
+    for name in ("runs", "store"):
+        value = configuration.content["paths"].get(name)
+        if not isinstance(value, str) or not value.strip():
+            raise InputError(f"'{name}' is {value!r}", where=configuration.where(f"paths.{name}"), expected="a folder")
     for name in configuration.content:
         if name not in SECTIONS and not re.search(rf"\$\{{{re.escape(name)}\b", json.dumps(configuration.raw)):
             raise InputError(

@@ -39,6 +39,8 @@ class Configuration:
         The YAML files it was composed of, later ones winning, and the section that each fills.
     folders : tuple of Path
         Folders of YAML files besides ours.
+    words : tuple of str
+        The command line, as it was written.
     sweeps : bool
         Whether it asks for a sweep of itself (``hydra.mode: MULTIRUN``).
     memory : Path or None
@@ -51,6 +53,7 @@ class Configuration:
     overrides: tuple[Override, ...]
     files: tuple[tuple[Path, str], ...]
     folders: tuple[Path, ...] = ()
+    words: tuple[str, ...] = ()
     sweeps: bool = False
     memory: Path | None = field(default=None, compare=False, repr=False)
     _trees: dict[Path, yaml.Node | None] = field(default_factory=dict, compare=False, repr=False)

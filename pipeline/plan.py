@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -32,15 +32,21 @@ class Task:
         Settings as they enter the key: files by content, devices by name and settings.
     session : int
         For captures of real devices: which capture this is.
+    recapture : bool
+        For captures of real devices: whether this is to be a new one.
     forced : bool
         Whether to compute it though the store has it.
+    watched : dict of str to (str, str)
+        Files and folders that settings name: digest of their content, and the stamp they had when it was taken.
     """
 
     node: Node
     code: Code
     settings: Mapping[str, Any]
     session: int = 0
+    recapture: bool = False
     forced: bool = False
+    watched: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     def key(self, inputs: Inputs) -> str:
         """Digest of the recipe, given the digests of the inputs' values."""
@@ -156,38 +162,38 @@ def _task(node: Node, sources: Sources, store: Store, files: FileDigests, *, rec
         modules |= {recipe.entry.module for recipe in device.walk()}
     code = sources.code(frozenset(modules))
     settings = {}
+    watched: dict[str, tuple[str, str]] = {}
     for name, value in node.settings.items():
         try:
-            settings[name] = _canonical(value, files)
+            settings[name] = _canonical(value, files, watched)
         except InputError as error:
             raise error.at(f"{node.path}.{name}") from None
-    task = Task(node, code, settings)
-    if node.is_source:
-        session = _sessions_taken(task, store)
-        return Task(node, code, settings, session if recapture else max(0, session - 1))
-    return task
+    return Task(node, code, settings, recapture=recapture and node.is_source, watched=watched)
 
 
-def _sessions_taken(task: Task, store: Store) -> int:
-    """How many captures with these settings the store holds."""
+def in_session(task: Task, inputs: Inputs, store: Store) -> Task:
+    """A capture of real devices as the latest that the store holds with these settings and inputs, or as a new one."""
+    if not task.node.is_source:
+        return task
     count = 0
-    inputs: Inputs = dict.fromkeys(task.node.inputs)
-    while store.record(Task(task.node, task.code, task.settings, count).key(inputs)) is not None:
+    while store.record(replace(task, session=count).key(inputs)) is not None:
         count += 1
-    return count
+    return replace(task, session=count if task.recapture else max(0, count - 1))
 
 
-def _canonical(value: Any, files: FileDigests) -> Any:
+def _canonical(value: Any, files: FileDigests, watched: dict[str, tuple[str, str]]) -> Any:
     """A setting as it enters the key."""
     if isinstance(value, Path):
-        return {"content": files.of(value)}
+        stamp = files.stamp(value) if value.exists() else ""
+        watched[str(value)] = (files.of(value), stamp)
+        return {"content": watched[str(value)][0]}
     if isinstance(value, DeviceRecipe):
-        inner = {name: _canonical(item, files) for name, item in value.settings.items()}
+        inner = {name: _canonical(item, files, watched) for name, item in value.settings.items()}
         return {"device": value.entry.name, **inner}
     if isinstance(value, list):
-        return [_canonical(item, files) for item in value]
+        return [_canonical(item, files, watched) for item in value]
     if isinstance(value, Mapping):
-        return {name: _canonical(item, files) for name, item in value.items()}
+        return {name: _canonical(item, files, watched) for name, item in value.items()}
     return value
 
 
@@ -204,12 +210,15 @@ def _step(task: Task, steps: Mapping[str, Step], store: Store, last_key: str | N
         return Step(task, "depends", f"if {' or '.join(waiting)} changes" if last_key else "never run")
     artifacts = {name: _artifact(steps[name]) for name in node.upstream()}
     inputs = inputs_of(node, artifacts)
+    task = in_session(task, inputs, store)
     key = task.key(inputs)
     record = store.find(key)
     previous = store.record(last_key) if last_key else None
     if record is not None:
         return Step(task, "cached", _kept_reason(task, record, store), record)
     if store.record(key) is not None:
+        if node.is_source:
+            raise _lost_capture(node)
         return Step(task, "run", "its result is no longer in the store")
     return Step(task, "run", _changed_reason(task, inputs, previous, store))
 
@@ -280,20 +289,38 @@ def _listed(modules: list[str]) -> str:
     return ", ".join(name.replace(".", "/") + ".py" for name in modules)
 
 
-def _recompute_damaged(steps: dict[str, Step], store: Store) -> None:
+def _lost_capture(node: Node) -> InputError:
+    return InputError(
+        f"what real devices captured for '{node.name}' is damaged or gone from the store",
+        where=node.path,
+        expected="the value as it was captured, from a copy of the store or a bundle",
+        hint="recapture=true takes it anew",
+    )
+
+
+def recheck(plan: Plan, store: Store) -> Plan:
+    """The plan after every value that it found in the store was read and checked, not only those that stages need."""
+    steps = dict(plan.steps)
+    _recompute_damaged(steps, store, everything=True)
+    return Plan(steps)
+
+
+def _recompute_damaged(steps: dict[str, Step], store: Store, *, everything: bool = False) -> None:
     """Check the stored values that this run will read; what is damaged is run again."""
     while True:
         read = {
             name
             for step in steps.values()
-            if step.state != "cached"
-            for name in step.task.node.upstream()
+            if everything or step.state != "cached"
+            for name in (*step.task.node.upstream(), *((step.task.node.name,) if everything else ()))
             if steps[name].state == "cached"
         }
         damaged = [name for name in sorted(read) if not store.sound(_artifact(steps[name]))]
         if not damaged:
             return
         for name in damaged:
+            if steps[name].task.node.is_source:
+                raise _lost_capture(steps[name].task.node)
             steps[name] = Step(steps[name].task, "run", "its stored result is damaged and was set aside")
         for name, step in list(steps.items()):
             waiting = [n for n in step.task.node.upstream() if steps[n].state != "cached"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -166,6 +167,12 @@ class Run:
         """Names of the nodes that were computed when the run was last carried out."""
         return (node.name for node in self.nodes.values() if node.status == "ran")
 
+    def _way_to_store(self) -> str:
+        """The store's folder seen from the run's, for when both are moved together; empty for one at a URL."""
+        if "://" in self.store.location:
+            return ""
+        return os.path.relpath(self.store.location, self.path.absolute())
+
     def save(self) -> None:
         """Write ``manifest.json`` and ``config.yaml``."""
         nodes = [{**asdict(node), "written": sorted(node.written)} for node in self.nodes.values()]
@@ -183,6 +190,7 @@ class Run:
             "finished": self.finished,
             "total_seconds": self.total_seconds,
             "store": self.store.location,
+            "store_from_here": self._way_to_store(),
             "nodes": nodes,
         }
         write_text(self.path / "config.yaml", self.config_yaml)
@@ -205,7 +213,7 @@ def open_run(path: Path) -> Run:
             name=content["experiment"],
             digest=content["digest"],
             path=path,
-            store=Store.at(content["store"]),
+            store=_store_of(content, path),
             command=content["command"],
             overrides=tuple(content["overrides"]),
             description=content["description"],
@@ -224,6 +232,14 @@ def open_run(path: Path) -> Run:
         ) from None
     except (ValueError, KeyError, TypeError) as error:
         raise PipelineError(f"{path / MANIFEST} cannot be read: {error!r}") from None
+
+
+def _store_of(content: Mapping[str, Any], path: Path) -> Store:
+    """The run's store: where it was, or where it would be if it was moved together with the run."""
+    moved = path.absolute() / str(content.get("store_from_here") or ".")
+    if "://" not in content["store"] and not Path(content["store"]).is_dir() and moved.is_dir():
+        return Store(moved.resolve())
+    return Store.at(content["store"])
 
 
 def _node(content: dict[str, Any]) -> NodeRun:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.bench import Experiment, carry_out, plan_of
+from pipeline.bench import Experiment, carry_out, check_writable, plan_of
 from pipeline.catalog import Catalog, Entry
 from pipeline.compose import hydra_ready, opened, readable_errors
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
@@ -16,6 +16,7 @@ from pipeline.executors import executor_of
 from pipeline.keys import digest
 from pipeline.merge import merge
 from pipeline.outcome import Listener, Silent
+from pipeline.plan import recheck
 from pipeline.runs import Run, last_keys
 from pipeline.selection import forced
 from pipeline.store import Store
@@ -241,7 +242,8 @@ class _Batches:
         with first.store.in_use():
             plan = plan_of(first, merged.graph, last=last, forced=anew)
             executor = executor_of(content.get("executor") or {}, self.log)
-            outcomes = carry_out(plan, first.store, executor, self.listener)
+            check_writable(first.runs)
+            outcomes = carry_out(recheck(plan, first.store), first.store, executor, self.listener)
             seconds = time.perf_counter() - start
             runs = [
                 experiment.finish(merged.outcomes_of(index, outcomes), seconds)

@@ -11,15 +11,17 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError, PipelineError
+from pipeline.files import FileDigests
 from pipeline.gate import Gate
 from pipeline.graph import DeviceRecipe, Node
 from pipeline.messages import Messages
 from pipeline.outcome import Listener, Outcome
 from pipeline.parallel import cores, cpu_meter, thread_budget
-from pipeline.plan import Inputs, Task, inputs_of
+from pipeline.plan import Inputs, Task, in_session, inputs_of
 from pipeline.progress import Stopped, check, listening
 from pipeline.record import Record
 from pipeline.steps import keeping
@@ -82,6 +84,7 @@ class Workbench:
         check()
         reason = reason if not reason.startswith("if ") else reason.removeprefix("if ").replace("changes", "changed")
         try:
+            task = in_session(task, inputs, self.store)
             key = task.key(inputs)
             with self.store.lock(key):
                 record = None if task.forced else self.store.find(key)
@@ -117,6 +120,7 @@ class Workbench:
             cpu = cpu_seconds()
         if journal is not None and journal.recalled:
             said.notes.append(f"{journal.recalled} steps had been taken by an earlier attempt that failed")
+        _check_unchanged(task)
         artifact = self.store.put(value, durable=node.is_source)
         if task.forced and (before := self.store.record(key)) is not None and before.artifact != artifact:
             said.warnings.append("computed anew it came out differently: the stage does not always give the same value")
@@ -143,6 +147,17 @@ class Workbench:
         if journal is not None:
             journal.discard()
         return record
+
+
+def _check_unchanged(task: Task) -> None:
+    """Refuse to keep what was made of files that are no longer those of the key."""
+    files = FileDigests()
+    for name, (content, stamp) in task.watched.items():
+        path = Path(name)
+        if not path.exists() or (files.stamp(path) != stamp and files.of(path) != content):
+            raise InputError(
+                f"{path} changed while it was read", where=task.node.path, expected="files that stay as they are"
+            )
 
 
 def input_values(store: Store, inputs: Inputs) -> dict[str, Any]:
