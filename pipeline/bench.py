@@ -21,6 +21,7 @@ from pipeline.errors import InputError, PipelineError
 from pipeline.execute import check_before_running, execute
 from pipeline.executors import Executor, executor_of
 from pipeline.files import FileDigests, as_yaml
+from pipeline.freshness import bring_up_to_date
 from pipeline.graph import Graph, Node, build_graph, plain
 from pipeline.keys import digest
 from pipeline.outcome import Listener, Outcome, Silent
@@ -179,7 +180,7 @@ class Experiment:
                 self._remember()
                 return known
             check_writable(self.runs)
-            outcomes = carry_out(recheck(plan, self.store), self.store, executor, listener)
+            outcomes = carry_out(recheck(plan, self.store), self.store, self.catalog.sources, executor, listener)
             run = self.finish(outcomes, time.perf_counter() - start)
             write_report(run)
         return run
@@ -269,7 +270,7 @@ def check_writable(runs: Path) -> None:
         ) from None
 
 
-def carry_out(plan: Plan, store: Store, executor: Executor, listener: Listener) -> dict[str, Outcome]:
+def carry_out(plan: Plan, store: Store, sources: Sources, executor: Executor, listener: Listener) -> dict[str, Outcome]:
     """Check what is left to run, and run it.
 
     Raises
@@ -279,6 +280,7 @@ def carry_out(plan: Plan, store: Store, executor: Executor, listener: Listener) 
     """
     if plan.to_run:
         store.check_writable()
+        bring_up_to_date((step.task.code for step in plan.to_run.values()), sources)
         check_before_running(plan)
     workbench = Workbench(store, listener, commit(), store.keep_provenance(versions()) if plan.to_run else "")
     return execute(plan, workbench, executor)

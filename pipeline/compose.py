@@ -157,11 +157,11 @@ def opened(text: str) -> str:
 def quoted(text: str) -> str:
     """An override with its value in quotes where Hydra's grammar would not take it as it stands, as a path may be."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
-    from hydra.errors import OverrideParseException
+    from hydra.errors import HydraException
 
     try:
         OverridesParser.create().parse_override(text)
-    except OverrideParseException:
+    except HydraException:
         name, equals, value = text.partition("=")
         if equals and value and not value.startswith(("[", "{", "'", '"')):
             escaped = value.replace("\\", "\\\\").replace("'", "\\'")
@@ -265,7 +265,7 @@ def _check_paths(texts: Sequence[str]) -> None:
                 f"there is no section '{first}'",
                 where=f"override {text}",
                 expected="graph.NODE.SETTING=VALUE, or a section from: " + ", ".join(SECTIONS),
-                hint=f"did you mean 'graph.{path}'?" if first.isidentifier() else "",
+                hint=f"did you mean 'graph.{text}'?" if first.isidentifier() else "",
             )
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from pipeline.annotations import Annotation
 from pipeline.errors import InputError, InputErrors
 from pipeline.executors import BENCH, Executor, TaskName
 from pipeline.gate import Gate
-from pipeline.graph import DeviceRecipe
+from pipeline.graph import PROTOCOLS, DeviceRecipe
 from pipeline.outcome import Outcome
 from pipeline.plan import Plan
 from pipeline.workbench import Workbench, build_device, companion
@@ -34,6 +36,7 @@ def check_before_running(plan: Plan) -> None:
             devices = {name: build_device(v) for name, v in node.settings.items() if isinstance(v, DeviceRecipe)}
             before = len(problems)
             for name, device in devices.items():
+                problems += _lacking(device, node.entry.settings[name][1], f"{node.path}.{name}")
                 if hasattr(device, "check"):
                     _collect(device.check, f"{node.path}.{name}", problems)
             check = companion(node, "_check_")
@@ -43,6 +46,25 @@ def check_before_running(plan: Plan) -> None:
             problems.append(error.at(node.path))
     if problems:
         raise InputErrors(problems)
+
+
+def _lacking(device: object, annotation: Annotation, place: str) -> list[InputError]:
+    """An error if a device is not what the stage asks for."""
+    for full_name in annotation.classes():
+        if not full_name.startswith(PROTOCOLS):
+            continue
+        protocol = getattr(importlib.import_module(PROTOCOLS.rstrip(".")), full_name.rpartition(".")[2])
+        members = {*vars(protocol), *getattr(protocol, "__annotations__", {})}
+        missing = [m for m in sorted(members) if not m.startswith("_") and not _has(device, m)]
+        if missing:
+            kind = type(device).__name__
+            what = f"a {kind} is no {protocol.__name__}: it lacks {', '.join(missing)}"
+            return [InputError(what, where=place, expected=str(annotation))]
+    return []
+
+
+def _has(device: object, member: str) -> bool:
+    return hasattr(type(device), member) or member in getattr(device, "__dict__", {})
 
 
 def _collect(check: Callable[[], None], place: str, problems: list[InputError]) -> None:

@@ -160,7 +160,8 @@ class OnCluster:
 
         ended: dict[str, Outcome] = {}
         with self._client() as client, _listening(client, workbench.listener) as relay:
-            bench = replace(workbench, listener=relay, cores=None if self.address else 1)
+            away = self.address is not None
+            bench = replace(workbench, listener=relay, cores=None if away else 1, elsewhere=away)
             futures = client.get({BENCH: bench, **graph}, list(graph), sync=False)
             names = {future.key: name for future, (_, name) in zip(futures, graph, strict=True)}
             for future in as_completed(futures):

@@ -243,7 +243,7 @@ class _Batches:
             plan = plan_of(first, merged.graph, last=last, forced=anew)
             executor = executor_of(content.get("executor") or {}, self.log)
             check_writable(first.runs)
-            outcomes = carry_out(recheck(plan, first.store), first.store, executor, self.listener)
+            outcomes = carry_out(recheck(plan, first.store), first.store, self.catalog.sources, executor, self.listener)
             seconds = time.perf_counter() - start
             runs = [
                 experiment.finish(merged.outcomes_of(index, outcomes), seconds)

@@ -11,11 +11,13 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError, PipelineError
 from pipeline.files import FileDigests
+from pipeline.freshness import check_same
 from pipeline.gate import Gate
 from pipeline.graph import DeviceRecipe, Node
 from pipeline.messages import Messages
@@ -24,6 +26,7 @@ from pipeline.parallel import cores, cpu_meter, thread_budget
 from pipeline.plan import Inputs, Task, in_session, inputs_of
 from pipeline.progress import Stopped, check, listening
 from pipeline.record import Record
+from pipeline.source import Sources
 from pipeline.steps import keeping
 from pipeline.store import Store
 from pipeline.usage import PeakMemory
@@ -48,6 +51,8 @@ class Workbench:
         Lets tasks through that fit side by side.
     cores : int or None
         Cores that the tasks of this process share; None for all that it may use.
+    elsewhere : bool
+        Whether it may be on another machine, whose code has to be compared.
     """
 
     store: Store
@@ -56,6 +61,7 @@ class Workbench:
     versions: str
     gate: Gate | None = None
     cores: int | None = None
+    elsewhere: bool = False
 
     def carry_out(self, task: Task, reason: str, known: Mapping[str, str], upstream: list[Outcome]) -> Outcome:
         """Run a task whose inputs are ready, unless one of them failed or the store has its result by now.
@@ -104,6 +110,8 @@ class Workbench:
 
     def _compute(self, task: Task, key: str, inputs: Inputs) -> Record:
         node = task.node
+        if self.elsewhere:
+            check_same(task.code, _sources_of_this_process())
         values = input_values(self.store, inputs)
         said = Messages()
         journal = self.store.journal(key) if node.is_source else None
@@ -158,6 +166,11 @@ def _check_unchanged(task: Task) -> None:
             raise InputError(
                 f"{path} changed while it was read", where=task.node.path, expected="files that stay as they are"
             )
+
+
+@cache
+def _sources_of_this_process() -> Sources:
+    return Sources()
 
 
 def input_values(store: Store, inputs: Inputs) -> dict[str, Any]:

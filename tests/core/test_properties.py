@@ -105,7 +105,7 @@ def test_merged_equals_separate(toys: Toys, several: list[dict[str, Any]]) -> No
     experiments = [experiment(toys, graph, store) for graph in several]
     merged = merge([one.graph for one in experiments])
     plan = plan_of(experiments[0], merged.graph)
-    outcomes = carry_out(plan, experiments[0].store, executor_of({"kind": "threads"}), Silent())
+    outcomes = carry_out(plan, experiments[0].store, Sources(), executor_of({"kind": "threads"}), Silent())
     for index, alone in enumerate(separate):
         assert {name: o.artifact for name, o in merged.outcomes_of(index, outcomes).items()} == alone
     recipes = [
