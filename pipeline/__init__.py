@@ -7,10 +7,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pipeline.bench import RunFailed, run
     from pipeline.runs import Run, open_run
+    from pipeline.sweeps import sweep
 
-__all__ = ["Run", "RunFailed", "open_run", "run"]
+__all__ = ["Run", "RunFailed", "open_run", "run", "sweep"]
 
-_HOMES = {"run": "pipeline.bench", "RunFailed": "pipeline.bench", "Run": "pipeline.runs", "open_run": "pipeline.runs"}
+_HOMES = {
+    "run": "pipeline.bench",
+    "RunFailed": "pipeline.bench",
+    "Run": "pipeline.runs",
+    "open_run": "pipeline.runs",
+    "sweep": "pipeline.sweeps",
+}
 
 
 def __getattr__(name: str) -> Any:

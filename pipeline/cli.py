@@ -157,7 +157,7 @@ def _run(line: Line) -> int:
 def _sweep(line: Line) -> int:
     from pipeline.bench import RunFailed
     from pipeline.live import display
-    from pipeline.sweep import run_sweep
+    from pipeline.sweeps import run_sweep
 
     with display(quiet=line.quiet) as shown:
         done = run_sweep(line.words, line.folders, shown, _to_stderr(line))

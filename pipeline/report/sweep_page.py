@@ -20,7 +20,7 @@ MOST_METRICS = 24
 
 
 class SweepView(Protocol):
-    """What the page asks of a sweep; see :class:`pipeline.sweep.Sweep`."""
+    """What the page asks of a sweep; see :class:`pipeline.sweeps.Sweep`."""
 
     folder: Path
     command: str

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
+import time
+from contextlib import ExitStack
 from pathlib import Path
+from subprocess import DEVNULL
 
 import numpy as np
 import pytest
@@ -63,6 +67,36 @@ def test_lists_and_manuals_know_them(lab: Path) -> None:
     listed = bench(lab, "list", "experiments", "--config-dir", str(lab / "mylab" / "configs")).stdout
     assert "warming_panel" in listed
     assert "polarization_logo" in listed
+
+
+def test_a_cluster_at_an_address_runs_them_and_refuses_other_code(lab: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(lab / "site"), str(ROOT)])}
+    with ExitStack() as stack:
+
+        def start(*words: str) -> None:
+            command = [sys.executable, "-m", "distributed.cli." + words[0], *words[1:]]
+            process = subprocess.Popen(command, cwd=lab, env=environment, stdout=DEVNULL, stderr=DEVNULL)
+            stack.callback(process.wait)
+            stack.callback(process.terminate)
+
+        start("dask_scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(lab / "scheduler.json"))
+        start("dask_worker", "--no-dashboard", "--nthreads", "2", "--scheduler-file", str(lab / "scheduler.json"))
+        deadline = time.monotonic() + 30
+        while not (lab / "scheduler.json").is_file() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        address = json.loads((lab / "scheduler.json").read_text())["address"]
+        words = ["--config-dir", str(lab / "mylab" / "configs"), "+experiment=warming_panel", *SMALL]
+        words += ["paths.runs=cluster", "executor=distributed", f"executor.address={address}"]
+        done = bench(lab, *words)
+        assert done.returncode == 0, done.stderr
+        assert "7 stages run, 0 from the store" in done.stdout
+        with_other_code = lab / "site" / "mylab" / "windows.py"
+        text = with_other_code.read_text()
+        with_other_code.write_text(text.replace("radius: int", "radius: float"))
+        done = bench(lab, *words)
+        with_other_code.write_text(text)
+        assert done.returncode == 1
+        assert "the worker's mylab.windows is not the code that the run was planned with" in done.stderr
 
 
 def test_a_check_of_theirs_refuses_before_anything_runs(lab: Path) -> None:

@@ -14,7 +14,7 @@ from pipeline.bench import Experiment
 from pipeline.errors import InputError, InputErrors
 from pipeline.merge import merge
 from pipeline.outcome import Silent
-from pipeline.sweep import Sweep, run_sweep
+from pipeline.sweeps import Sweep, run_sweep
 
 
 def swept(toys: Toys, *words: str) -> Sweep:
