@@ -4,7 +4,8 @@ The rule, in this order:
 
 1. A number that a word tags is the angle: ``psi_015.tif``, ``pol-22.5.png``, ``angle45.exr``, ``IMG_0007_22.5deg.tif``.
    The words are psi, pol, polar, polarizer, polariser, angle and ang before the number, or deg, degree and degrees
-   after it. Straight after a word ``-`` is a hyphen; a minus sign stands behind ``_`` or ``=``, as in ``psi_-15.tif``.
+   after it. Straight after a word ``-`` is a hyphen; a minus sign stands behind ``_`` or ``=``, as in ``psi_-15.tif``,
+   or begins the name, as in ``-15deg.tif``.
 2. Otherwise the names must be alike but for one number: ``scene_0.tif``, ``scene_45.tif``, ``scene_90.tif``. It counts
    as the angle only where the numbers stand evenly, at least 3 degrees apart and below 360, unlike a camera's counter.
 
@@ -29,7 +30,7 @@ _BEFORE = re.compile(
     re.IGNORECASE,
 )
 _AFTER = re.compile(
-    rf"(?<![\d.,])(?P<plain>(?:(?<=[_=])-)?{_NUMBER}) ?(?:degrees|degree|deg|°)(?![a-z])", re.IGNORECASE
+    rf"(?<![\d.,])(?P<plain>(?:(?<=[_=])-|^-)?{_NUMBER}) ?(?:degrees|degree|deg|°)(?![a-z])", re.IGNORECASE
 )
 _ANY = re.compile(_NUMBER)
 

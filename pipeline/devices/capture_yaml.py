@@ -12,7 +12,8 @@
     dark: [dark_1.tif, dark_2.tif]                # lens capped, same exposure
     flat: [flat_1.tif]                            # an even, unpolarised white
     linear: true                                  # whether values are proportional to light; see photo_files.read_photo
-    saturation: 1.0                               # where the sensor was full, in files of floating-point numbers
+    saturation: 1.0                               # where the sensor was full: of floats the value; of integers the
+                                                  # share of the format's largest number, or the number if above 1
     metadata: {model: ...}                        # instead of what the files say
 """
 
@@ -32,6 +33,7 @@ from pipeline.errors import InputError, InputErrors, nearest
 CAPTURE_FILE = "capture.yaml"
 KIND = "polarizer_sequence"
 KINDS = (KIND, "flash", "sheet_stack", "bispectral", "height_field")
+LONGEST_NAME = 255
 _NULL = "tag:yaml.org,2002:null"
 _HALF_TURN = Fraction("3.14159265358979323846264338327950288419716939937510")
 
@@ -91,6 +93,8 @@ def read_capture_yaml(path: Path) -> Capture:
         root = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
     except (OSError, UnicodeDecodeError) as error:
         raise InputErrors([InputError(f"{path.name} cannot be read: {error}", where=str(path))]) from None
+    except RecursionError:
+        raise InputErrors([InputError("no valid YAML: nested too deeply", where=str(path))]) from None
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise InputErrors([InputError(f"no valid YAML: {error.problem}", where=f"{path}:{line}")]) from None
@@ -280,6 +284,17 @@ class _Reader:
         text = self.text(node)
         if not text:
             self.problem(node, "a file without a name", "a file name relative to the folder")
+            return None
+        parts = Path(text).parts
+        if Path(text).is_absolute() or any(part.startswith(".") for part in parts):
+            self.problem(
+                node,
+                f"'{text}' is hidden or lies outside the folder, so that a change of it would go unnoticed",
+                "a visible file in the folder, or in a folder below it",
+            )
+            return None
+        if any(len(part.encode()) > LONGEST_NAME for part in parts):
+            self.problem(node, "a file name longer than any file system takes", f"at most {LONGEST_NAME} bytes")
             return None
         return self.path.parent / text
 

@@ -137,8 +137,8 @@ def _read_plain(path: Path, linear: bool | None, saturation: float | None) -> Ph
         source.close()
     if pixels is None or complaint:
         raise InputError(f"the photo is truncated or damaged: {_reason(complaint, path)}", where=str(path))
-    if spec.alpha_channel >= 0:
-        pixels = np.delete(pixels, spec.alpha_channel, axis=-1)
+    if spec.alpha_channel >= 0:  # of a GIF it is one too large
+        pixels = np.delete(pixels, min(spec.alpha_channel, pixels.shape[-1] - 1), axis=-1)
     if pixels.shape[-1] not in (1, 3):
         names = ", ".join(spec.channelnames)
         raise InputError(f"the photo has the channels {names}", where=str(path), expected="grey or red, green, blue")
@@ -162,7 +162,12 @@ def _to_linear(pixels: NDArray[Any], linear: bool, saturation: float | None) -> 
     else:
         scale = np.iinfo(pixels.dtype).max
         full = pixels == scale
-        if linear:
+        if saturation is not None:
+            level = saturation * scale if saturation <= 1 else saturation
+            full |= pixels >= level
+            image = np.divide(pixels, np.float32(level), dtype=np.float32)
+            image = image if linear else _decode_srgb(image)
+        elif linear:
             image = np.divide(pixels, np.float32(scale), dtype=np.float32)
         else:
             image = (

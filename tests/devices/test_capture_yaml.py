@@ -133,6 +133,7 @@ def test_every_angle_has_a_decimal_in_degrees(radians: float) -> None:
         ([f"NIR_filtre_nir_{angle}_aligned.tif" for angle in (0, 45, 90, 135)], [0, 45, 90, 135]),
         (["IMG-pol22.5deg.tiff", "IMG-pol45deg.tiff"], [22.5, 45]),
         (["polarizer-45.png", "Angle=-30.png", "20200101_90 deg.jpg", "x_12,5°.dng"], [45, -30, 90, 12.5]),
+        (["0deg.tif", "-30deg.tif", "-60.5deg.tif"], [0, -30, -60.5]),
         (["IMG_0001_0deg.tif", "IMG_0002_45deg.tif"], [0, 45]),
         (["run2_0.tif", "run2_22.5.tif", "run2_45.tif"], [0, 22.5, 45]),
     ],

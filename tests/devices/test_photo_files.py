@@ -49,6 +49,20 @@ def test_floats_with_a_stated_saturation_are_scaled_to_it(tmp_path: Path) -> Non
     np.testing.assert_array_equal(photo.saturated, [[False, True, True]])
 
 
+def test_integers_with_a_stated_saturation_are_scaled_to_it(tmp_path: Path) -> None:
+    """14 bits in a file of 16: the level as a number, or as the share of the largest one."""
+    path = write_image(tmp_path / "a.tif", np.array([[4096, 16383, 65535]], np.uint16))
+    for saturation in (16383, 16383 / 65535):
+        photo = read_photo(path, saturation=saturation)
+        np.testing.assert_allclose(photo.image, np.float32([[4096 / 16383, 1, 65535 / 16383]]), rtol=1e-6)
+        np.testing.assert_array_equal(photo.saturated, [[False, True, True]])
+
+
+def test_a_gif_has_three_channels(tmp_path: Path) -> None:
+    path = write_image(tmp_path / "a.gif", np.zeros((6, 8, 3), np.uint8))
+    assert read_photo(path).image.shape == (6, 8, 3)
+
+
 def test_jpeg_is_decoded_from_srgb(tmp_path: Path) -> None:
     """IEC 61966-2-1: 188 of 255 is a linear 0.503, 10 of 255 lies on the straight part."""
     for level, linear in ((0, 0.0), (10, 10 / 255 / 12.92), (188, 0.502886), (255, 1.0)):

@@ -182,10 +182,30 @@ def test_a_repeat_of_the_same_photo_is_dropped(photos: Path, caplog: pytest.LogC
 
 def test_half_a_turn_on_is_another_measurement(photos: Path) -> None:
     write_image(photos / "again.tif", scene(9))
-    describe(photos, repeats=({"file": "again.tif", "polarizer_deg": 180, "exposure_s": 0.5},))
+    describe(photos, repeats=({"file": "again.tif", "polarizer_deg": 180, "exposure_s": 0.125},))
     sequence = replay(photos)
     np.testing.assert_array_equal(sequence.polarizer_rad, np.pi * np.arange(5) / 4)
-    assert sequence.exposure_s == (0.125, 0.125, 0.125, 0.125, 0.5)
+    assert sequence.exposure_s == (0.125,) * 5
+
+
+def test_photographs_of_other_exposures_are_scaled_to_the_first(photos: Path, caplog: pytest.LogCaptureFixture) -> None:
+    plain = replay(photos)
+    write_image(photos / "psi_045.tif", (scene(1) // 2).astype(np.uint16), ExposureTime=0.0625, Model="One")
+    scaled = replay(photos)
+    assert "The exposures differ, 0.0625 to 0.125 s" in caplog.text
+    np.testing.assert_allclose(scaled.images, plain.images, atol=2e-5)
+    assert scaled.exposure_s == (0.125,) * 4
+
+
+@pytest.mark.parametrize("name", ["../elsewhere.tif", "/tmp/elsewhere.tif", ".raw/a.tif", ".hidden.tif", "x" * 300])
+def test_files_whose_change_would_go_unnoticed(photos: Path, name: str) -> None:
+    describe(photos, repeats=({"file": name, "polarizer_deg": 90.0},))
+    refused(photos, r"is hidden or lies outside the folder|longer than any file system takes")
+
+
+def test_a_description_nested_without_end(photos: Path) -> None:
+    (photos / "capture.yaml").write_text("[" * 5000)
+    refused(photos, r"no valid YAML[\s\S]*capture.yaml")
 
 
 def test_an_angle_stated_for_two_photographs(photos: Path) -> None:
@@ -324,7 +344,7 @@ def sequences(draw: st.DrawFn) -> PolarizerSequence:
         valid=valid,
         pixel_mm=draw(st.none() | positive),
         wavelength_nm=draw(st.none() | positive),
-        exposure_s=draw(st.none() | st.tuples(*[positive] * count)),
+        exposure_s=draw(st.none() | positive.map(lambda seconds: (seconds,) * count)),
         metadata=draw(st.dictionaries(text, text, max_size=4)),
     )
 

@@ -174,6 +174,15 @@ def test_two_angles_are_too_few(count: int) -> None:
         polarizer_sequence(halves(), rig=bench(), count=count)
 
 
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({"count": 10**9}, "count is 1000000000"), ({"span_deg": 1e-3}, "within 0.00092 degrees")],
+)
+def test_counts_and_spans_that_nobody_means(settings: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        polarizer_sequence(halves(), rig=bench(), **settings)  # type: ignore[arg-type]
+
+
 def test_half_a_turn_apart_is_the_same_angle() -> None:
     with pytest.raises(InputError, match="4 photographs at 2 distinct angles"):
         polarizer_sequence(halves(), rig=bench(), count=4, span_deg=360)

@@ -8,13 +8,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import GratingSample, PolarizerPhoto, PolarizerSequence
+from pipeline.data import FloatArray, GratingSample, PolarizerPhoto, PolarizerSequence
 from pipeline.devices.protocols import PolarizationRig
 from pipeline.errors import InputError
 from pipeline.progress import advance
 from pipeline.steps import step
 
 LEAST_ANGLES = 3
+MOST_PHOTOGRAPHS = 1000
+_SAME_EXPOSURE = 1e-3
+_WORST_CONDITION = 1e6
 SATURATION_WARNING = 0.001
 
 log = logging.getLogger(__name__)
@@ -69,7 +72,7 @@ def polarizer_sequence(
                 advance(done + 1, len(angles))
         finally:
             rig.light.switch(False)
-    stack = np.stack(images).astype(np.float32, copy=False)
+    stack = _of_one_exposure(np.stack(images).astype(np.float32, copy=False), exposures)
     burnt = np.logical_or.reduce(saturated)
     warns_itself = hasattr(rig, "saturation_warning")
     if burnt.mean() > SATURATION_WARNING and not warns_itself:
@@ -84,9 +87,25 @@ def polarizer_sequence(
         valid=valid,
         pixel_mm=rig.pixel_mm,
         wavelength_nm=rig.wavelength_nm,
-        exposure_s=tuple(e for e in exposures if e is not None) if None not in exposures else None,
+        exposure_s=None if None in exposures or exposures[0] is None else (exposures[0],) * len(exposures),
         metadata=metadata,
     )
+
+
+def _of_one_exposure(stack: FloatArray, exposures: list[float | None]) -> FloatArray:
+    """Photographs as if all had been exposed as long as the first, where their exposures are known and differ."""
+    if None in exposures:
+        return stack
+    times = np.array(exposures, np.float64)
+    if np.ptp(times) <= _SAME_EXPOSURE * times.max():
+        return stack
+    log.warning(
+        "The exposures differ, %g to %g s; the photographs are scaled to the first's %g s.",
+        times.min(),
+        times.max(),
+        times[0],
+    )
+    return stack * (times[0] / times).astype(np.float32)[:, None, None]
 
 
 def _take(rig: PolarizationRig, angle_rad: float) -> PolarizerPhoto:
@@ -101,6 +120,8 @@ def _check_polarizer_sequence(*, rig: PolarizationRig, count: int, span_deg: flo
 
 def _stops(rig: PolarizationRig, count: int, span_deg: float) -> NDArray[np.float64]:
     """Angles to go to."""
+    if count > MOST_PHOTOGRAPHS:
+        raise InputError(f"count is {count}", where="count", expected=f"at most {MOST_PHOTOGRAPHS} photographs")
     fixed = rig.mount.stops_rad
     stops = np.deg2rad(span_deg) * np.arange(count) / max(count, 1) if fixed is None else np.asarray(fixed, np.float64)
     distinct = len(np.unique(np.round(np.exp(2j * stops), 9)))
@@ -108,5 +129,12 @@ def _stops(rig: PolarizationRig, count: int, span_deg: float) -> NDArray[np.floa
         raise InputError(
             f"{len(stops)} photographs at {distinct} distinct angles of the polariser",
             expected=f"at least {LEAST_ANGLES} angles that differ modulo 180 degrees",
+        )
+    design = np.stack([np.ones(len(stops)), np.cos(2 * stops), np.sin(2 * stops)], axis=1)
+    if np.linalg.cond(design) > _WORST_CONDITION:
+        raise InputError(
+            f"the angles of the polariser lie within {np.rad2deg(np.ptp(stops)):.2g} degrees",
+            where="span_deg" if fixed is None else "",
+            expected="angles spread over a good part of 180 degrees",
         )
     return stops
