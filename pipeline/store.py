@@ -277,7 +277,7 @@ class Store:
     @contextmanager
     def lock(self, key: str) -> Iterator[None]:
         """Only one process at a time works on a recipe; the lock ends with the process that holds it."""
-        with locked(self.root / "locks" / key):
+        with locked(self.root / "locks", key):
             yield
 
     @contextmanager
