@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from pathlib import Path
 from types import TracebackType
 
 _INTERVAL_S = 0.02
+_LINGERS = 50
+"""Looks without a meter after which the sampler sleeps; to wake it costs more than a short stage."""
 
 
 class PeakMemory:
@@ -38,15 +39,16 @@ class _Sampler:
     def __init__(self) -> None:
         self._meters: set[PeakMemory] = set()
         self._some = threading.Condition()
+        self._asleep = False
         self._process = 0
 
     def watch(self, meter: PeakMemory) -> None:
         with self._some:
             if self._process != os.getpid():
-                self._process, self._meters = os.getpid(), set()
+                self._process, self._meters, self._asleep = os.getpid(), set(), False
                 threading.Thread(target=self._sample, daemon=True, name="peak memory").start()
             self._meters.add(meter)
-            if len(self._meters) == 1:
+            if self._asleep:
                 self._some.notify()
 
     def leave(self, meter: PeakMemory) -> None:
@@ -55,10 +57,14 @@ class _Sampler:
 
     def _sample(self) -> None:
         pause = threading.Event()
+        idle = 0
         while True:
             with self._some:
-                while not self._meters:
-                    self._some.wait()
+                idle = 0 if self._meters else idle + 1
+                if idle > _LINGERS:
+                    self._asleep = True
+                    self._some.wait_for(lambda: self._meters)
+                    self._asleep, idle = False, 0
             pause.wait(_INTERVAL_S)
             now = resident_mb()
             with self._some:
@@ -71,13 +77,14 @@ _SAMPLER = _Sampler()
 
 def resident_mb() -> float:
     """Resident memory of this process in MB; where the system does not tell the present, its highest so far."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-    except OSError:
-        import resource
-
-        highest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        return highest / (1e6 if sys.platform == "darwin" else 1e3)
     import resource
 
-    return pages * resource.getpagesize() / 1e6
+    try:
+        descriptor = os.open("/proc/self/statm", os.O_RDONLY)
+    except OSError:
+        highest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return highest / (1e6 if sys.platform == "darwin" else 1e3)
+    try:
+        return int(os.read(descriptor, 128).split()[1]) * resource.getpagesize() / 1e6
+    finally:
+        os.close(descriptor)
