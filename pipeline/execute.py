@@ -98,17 +98,18 @@ def execute(plan: Plan, workbench: Workbench, executor: Executor) -> dict[str, O
         if step.state == "cached":
             outcomes[name] = Outcome(name, "cached", step.record, step.reason)
             workbench.listener.ended(outcomes[name])
-    if plan.to_run:
-        if any(step.task.node.needs for step in plan.to_run.values()):
+    to_run = plan.to_run
+    if to_run:
+        if any(step.task.node.needs for step in to_run.values()):
             workbench = replace(workbench, gate=Gate.new(executor.memory_gb))
         graph: dict[TaskName, Any] = {}
-        for name, step in plan.to_run.items():
+        for name, step in to_run.items():
             upstream = step.task.node.upstream()
             known = {n: outcomes[n].artifact for n in upstream if n in outcomes}
-            waits_for = [_task_name(n) for n in upstream if n in plan.to_run]
+            waits_for = [_task_name(n) for n in upstream if n in to_run]
             graph[_task_name(name)] = (Workbench.carry_out, BENCH, step.task, step.reason, known, waits_for)
         ended = executor.run(graph, workbench)
-        outcomes |= {name: ended.get(name) or _lost(name, plan, ended) for name in plan.to_run}
+        outcomes |= {name: ended.get(name) or _lost(name, plan, ended) for name in to_run}
     return {name: outcomes[name] for name in plan.steps}
 
 

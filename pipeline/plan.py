@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -88,7 +89,7 @@ class Plan:
 
     steps: Mapping[str, Step]
 
-    @property
+    @cached_property
     def to_run(self) -> dict[str, Step]:
         """Steps that are not known to be in the store."""
         return {name: step for name, step in self.steps.items() if step.state != "cached"}
