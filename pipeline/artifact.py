@@ -6,15 +6,17 @@ digest of the whole is computed from ``meta.json`` alone; each array is checked 
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import PipelineError
-from pipeline.keys import Digest, digest, digest_array
+from pipeline.keys import Digest, digest, digest_array, plain_bytes
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,11 +44,12 @@ def digest_of(description: Mapping[str, Any]) -> str:
 
 def write_artifact(folder: Path, description: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
     """Write a value into an empty folder that has no name yet which counts."""
-    import numpy as np
-
     for name, array in arrays.items():
-        np.save(folder / name, np.ascontiguousarray(array), allow_pickle=False)
-    (folder / META).write_text(json.dumps({"format": FORMAT, "value": description}))
+        with open(f"{folder}/{name}", "wb") as file:
+            file.write(_header(array.dtype.str, array.shape))
+            file.write(plain_bytes(array))
+    with open(f"{folder}/{META}", "w", encoding="utf-8") as text:
+        text.write(json.dumps({"format": FORMAT, "value": description}))
 
 
 def read_description(folder: Path) -> dict[str, Any]:
@@ -137,13 +140,12 @@ def _describe(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
         file = _file_name(name, arrays)
         plain = value.astype(value.dtype.newbyteorder("<"), copy=False)
         arrays[file] = plain
-        size = _npy_bytes(plain)
         return {
             "array": file,
             "dtype": plain.dtype.str,
             "shape": list(plain.shape),
             "digest": digest_array(plain),
-            "bytes": size,
+            "bytes": len(_header(plain.dtype.str, plain.shape)) + plain.nbytes,
         }
     if is_dataclass(value) and not isinstance(value, type):
         members = {f.name: _describe(getattr(value, f.name), f"{name}.{f.name}", arrays) for f in fields(value)}
@@ -160,17 +162,15 @@ def _file_name(name: str, taken: Mapping[str, object]) -> str:
     return plain if plain not in taken else f"{len(taken)}_{plain}"
 
 
-def _npy_bytes(array: np.ndarray) -> int:
-    import io
-
+@lru_cache(maxsize=1024)
+def _header(dtype: str, shape: tuple[int, ...]) -> bytes:
+    """What stands before an array's bytes in a ``.npy`` file."""
     import numpy as np
 
     header = io.BytesIO()
-    np.lib.format.write_array_header_1_0(
-        header,
-        {"descr": np.lib.format.dtype_to_descr(array.dtype), "fortran_order": False, "shape": array.shape},
-    )
-    return header.tell() + array.nbytes
+    descr = np.lib.format.dtype_to_descr(np.dtype(dtype))
+    np.lib.format.write_array_header_1_0(header, {"descr": descr, "fortran_order": False, "shape": shape})
+    return header.getvalue()
 
 
 def _digestible(description: Any) -> Any:

@@ -26,13 +26,30 @@ def write_text(path: Path, text: str) -> None:
 
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a file so that a reader sees the old content or the new, never a part."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
+    temporary = f"{path.parent}{os.sep}.{path.name}.{uuid.uuid4().hex[:8]}"
     try:
-        temporary.write_bytes(data)
+        try:
+            file = open(temporary, "wb")  # noqa: SIM115 - closed below
+        except FileNotFoundError:
+            make_folder(path.parent)
+            file = open(temporary, "wb")  # noqa: SIM115
+        with file:
+            file.write(data)
         os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(temporary)
+        raise
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it, where they are missing."""
+    try:
+        os.mkdir(path)
+    except FileExistsError:
+        return
+    except FileNotFoundError:
+        path.mkdir(parents=True, exist_ok=True)
 
 
 def sync(folder: Path) -> None:

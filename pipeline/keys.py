@@ -58,10 +58,17 @@ def digest_array(array: np.ndarray) -> str:
         raise InputError(
             f"an array of dtype {array.dtype} has no canonical form", expected="numbers, booleans or strings"
         )
-    plain = np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
+    plain = np.asarray(array, dtype=array.dtype.newbyteorder("<"))
     sha = hashlib.sha256(f"array {plain.dtype.str} {array.shape} ".encode())
-    sha.update(plain.reshape(-1).view(np.uint8).data if plain.size else b"")
+    sha.update(plain_bytes(plain))
     return sha.hexdigest()[:DIGEST_CHARACTERS]
+
+
+def plain_bytes(array: np.ndarray) -> memoryview | bytes:
+    """An array's bytes in C order, without a copy where they lie so."""
+    import numpy as np
+
+    return np.asarray(array, order="C").reshape(-1).view(np.uint8).data if array.size else b""
 
 
 def digest(value: object) -> str:

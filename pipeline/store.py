@@ -7,6 +7,7 @@ half-written under a name that counts. Locks are per recipe.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -28,7 +29,7 @@ from pipeline.artifact import (
     write_artifact,
 )
 from pipeline.errors import InputError
-from pipeline.files import sync, write_text
+from pipeline.files import make_folder, sync, write_text
 from pipeline.journal import Journal
 from pipeline.keys import digest
 from pipeline.locks import locked, shared
@@ -168,29 +169,43 @@ class Store:
         if is_whole(target):
             self._push(artifact)
             return artifact
-        temporary = self.root / "objects" / f".{uuid.uuid4().hex}"
-        temporary.mkdir(parents=True)
+        temporary = self.root / f"objects/.{uuid.uuid4().hex}"
+        make_folder(temporary)
         try:
             write_artifact(temporary, description, arrays)
             if durable:
                 sync(temporary)
-            target.parent.mkdir(exist_ok=True)
-            if target.exists():
-                self.set_aside(artifact)
-            try:
-                os.rename(temporary, target)
-            except OSError:
-                if not is_whole(target):
-                    raise
+            self._name(temporary, artifact)
             if durable:
                 sync(target.parent)
-        finally:
+        except BaseException:
             shutil.rmtree(temporary, ignore_errors=True)
+            raise
         self._push(artifact)
         self._verified.add(artifact)
         if sum(array.nbytes for array in arrays.values()) <= REMEMBERED_BYTES:
             self._remembered[artifact] = rebuilt(description, data_types(), arrays)
         return artifact
+
+    def _name(self, temporary: Path, artifact: str) -> None:
+        """Give a value written whole its name, unless another process was faster."""
+        target = self.object_folder(artifact)
+        while True:
+            try:
+                os.rename(temporary, target)
+            except FileNotFoundError:
+                if not temporary.exists():
+                    raise
+                make_folder(target.parent)
+            except OSError as error:
+                if error.errno not in {errno.ENOTEMPTY, errno.EEXIST}:
+                    raise
+                if is_whole(target):
+                    shutil.rmtree(temporary, ignore_errors=True)
+                    return
+                self.set_aside(artifact)
+            else:
+                return
 
     def _push(self, artifact: str) -> None:
         if self.mirror:
@@ -206,9 +221,9 @@ class Store:
         if self.mirror:
             self.mirror.push_file(self.recipe_file(record.key), _recipe_name(record.key))
 
-    def keep_provenance(self, content: Mapping[str, Any]) -> str:
-        """Keep what many records share, such as a listing of code, and return its digest."""
-        name = digest(content)
+    def keep_provenance(self, content: Mapping[str, Any], name: str = "") -> str:
+        """Keep what many records share, such as a listing of code, and return its digest: ``name``, where known."""
+        name = name or digest(content)
         if name not in self._provenance:
             path = self.provenance_file(name)
             if not path.is_file():

@@ -137,7 +137,7 @@ class Workbench:
             artifact=artifact,
             type=type(value).__name__,
             stage=node.entry.name,
-            code=self.store.keep_provenance(task.code.modules),
+            code=self.store.keep_provenance(task.code.modules, task.code.listing),
             settings=task.settings,
             inputs=inputs,
             seconds=round(seconds, 4),

@@ -57,6 +57,15 @@ def test_equal_content_has_equal_digest_and_any_value_survives(
     assert {k: float(v).hex() for k, v in found.items()} == {k: v.hex() for k, v in figures.items()}
 
 
+@pytest.mark.parametrize(
+    "array", [np.array(2.5), np.zeros((0, 3)), np.array(["ab", "c"]), np.arange(6.0).reshape(2, 3).T]
+)
+def test_arrays_of_every_form_come_back(tmp_path: Path, array: np.ndarray) -> None:
+    found = Store(tmp_path).get(Store(tmp_path).put(PeriodMap(array, array))).period_um
+    np.testing.assert_array_equal(found, array)
+    assert (found.shape, found.dtype) == (array.shape, array.dtype)
+
+
 def test_the_digest_of_a_value_is_frozen(tmp_path: Path) -> None:
     assert Store(tmp_path).put(a_map(2)) == "9d28020d1e66c3eb4763ed45236a9178686c9b13"
 
