@@ -112,7 +112,7 @@ def hydra_ready(folders: Sequence[Path]) -> Iterator[list[str]]:
 
     GlobalHydra.instance().clear()
     with initialize_config_dir(config_dir=str(configs_folder()), version_base="1.3"):
-        yield [f"hydra.searchpath=[{','.join(f'file://{f.absolute()}' for f in folders)}]"] if folders else []
+        yield [f"hydra.searchpath=[{','.join(f'optibench://{f.absolute()}' for f in folders)}]"] if folders else []
 
 
 @contextmanager
