@@ -13,6 +13,7 @@ from pipeline.config import Configuration, Override, configs_folder, groups, opt
 from pipeline.errors import InputError, nearest
 from pipeline.files import settled, stamp, write_text
 from pipeline.keys import digest
+from pipeline.sealed import sealed, unsealed
 from pipeline.store import Store
 
 OPEN_SECTIONS = ("graph", "rig", "executor")
@@ -67,9 +68,8 @@ def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configura
     experiment = chosen_experiment(texts, folders)
     _check_groups(texts, folders)
     memory = _memory_file(texts, folders)
-    known = _recalled(memory)
-    if known is None:
-        known = _composed(texts, overrides, folders)
+    recalled = _recalled(memory)
+    known = recalled or _composed(texts, overrides, folders)
     configuration = Configuration(
         experiment=experiment,
         content=known["content"],
@@ -79,7 +79,7 @@ def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configura
         folders=tuple(folders),
         words=tuple(f"+{word}" if word.startswith("experiment=") else word for word in overrides),
         sweeps=bool(known["sweeps"]),
-        memory=memory,
+        memory=None if recalled else memory,
     )
     _check_sections(configuration)
     return configuration
@@ -313,16 +313,16 @@ def _recalled(memory: Path | None) -> dict[str, Any] | None:
     if memory is None:
         return None
     try:
-        known = json.loads(memory.read_bytes())
+        known = unsealed(memory.read_bytes())
         return known if {"content", "raw", "files", "sweeps"} <= set(known) else None
-    except (OSError, ValueError, TypeError):
+    except (OSError, ValueError):
         return None
 
 
 def remember(configuration: Configuration) -> None:
     """Keep a composition, unless it depends on more than files and words, or JSON cannot hold it."""
     memory = configuration.memory
-    if memory is None or memory.is_file() or re.search(r"\$\{[^}]*:", str(configuration.raw)):
+    if memory is None or re.search(r"\$\{[^}]*:", str(configuration.raw)):
         return
     known = {
         "content": configuration.content,
@@ -337,7 +337,7 @@ def remember(configuration: Configuration) -> None:
     except (TypeError, ValueError):
         return
     with suppress(OSError):
-        write_text(memory, text)
+        write_text(memory, sealed(text))
         others = sorted(memory.parent.glob("*.json"), key=lambda path: path.stat().st_mtime)
         for path in others[:-MOST_REMEMBERED]:
             path.unlink(missing_ok=True)

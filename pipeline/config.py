@@ -44,7 +44,7 @@ class Configuration:
     sweeps : bool
         Whether it asks for a sweep of itself (``hydra.mode: MULTIRUN``).
     memory : Path or None
-        File in which the composition may be remembered.
+        File in which the composition may be remembered; None where it may not, or is.
     """
 
     experiment: str

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError, nearest
 from pipeline.keys import digest, digest_file
+from pipeline.sealed import sealed, unsealed
 
 _SETTLING_NS = 100_000_000
 
@@ -101,8 +102,7 @@ class FileDigests:
         self._fresh = False
         self._known: dict[str, list[object]] = {}
         with suppress(OSError, ValueError):
-            known = json.loads(memory.read_bytes()) if memory else {}
-            self._known = known if isinstance(known, dict) and all(isinstance(v, list) for v in known.values()) else {}
+            self._known = unsealed(memory.read_bytes()) if memory else {}
 
     def of(self, path: Path) -> str:
         """Digest of a file's bytes, or of a folder's files by their relative names; hidden files do not count.
@@ -129,7 +129,7 @@ class FileDigests:
     def remember(self) -> None:
         """Keep the digests for the next process."""
         if self._memory is not None and self._fresh:
-            write_text(self._memory, json.dumps(self._known))
+            write_text(self._memory, sealed(json.dumps(self._known)))
             self._fresh = False
 
     def _file(self, path: Path) -> str:

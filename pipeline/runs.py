@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from pipeline.artifact import DamagedArtifact
 from pipeline.errors import InputError, PipelineError, nearest
 from pipeline.files import write_text
+from pipeline.sealed import sealed, unsealed
 from pipeline.store import Store
 
 FORMAT = 1
@@ -175,7 +176,6 @@ class Run:
 
     def save(self) -> None:
         """Write ``manifest.json`` and ``config.yaml``."""
-        nodes = [{**asdict(node), "written": sorted(node.written)} for node in self.nodes.values()]
         content = {
             "format": FORMAT,
             "experiment": self.name,
@@ -191,10 +191,12 @@ class Run:
             "total_seconds": self.total_seconds,
             "store": self.store.location,
             "store_from_here": self._way_to_store(),
-            "nodes": nodes,
         }
+        nodes = (json.dumps({**vars(node), "written": sorted(node.written)}) for node in self.nodes.values())
+        lines = [*(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in content.items())]
+        lines.append('"nodes": [\n' + ",\n".join(nodes) + "\n]")
         write_text(self.path / "config.yaml", self.config_yaml)
-        write_text(self.path / MANIFEST, json.dumps(content, indent=1))
+        write_text(self.path / MANIFEST, sealed("{" + ",\n".join(lines) + "}"))
 
 
 def open_run(path: Path) -> Run:
@@ -206,7 +208,7 @@ def open_run(path: Path) -> Run:
         There is no run in that folder.
     """
     try:
-        content = json.loads((path / MANIFEST).read_text())
+        content = unsealed((path / MANIFEST).read_bytes())
         if content["format"] != FORMAT:
             raise InputError(f"{path / MANIFEST} has format {content['format']}", expected=f"format {FORMAT}")
         return Run(
@@ -252,7 +254,7 @@ def _node(content: dict[str, Any]) -> NodeRun:
 def last_keys(runs: Path, experiment: str) -> dict[str, str]:
     """Recipe key of each node in the run of an experiment that was carried out last."""
     try:
-        found = json.loads((runs / experiment / "last.json").read_text())
+        found = unsealed((runs / experiment / "last.json").read_bytes())
         return {str(name): str(key) for name, key in found.items()}
     except (OSError, ValueError, AttributeError):
         return {}
@@ -263,4 +265,4 @@ def remember_keys(runs: Path, run: Run) -> None:
     before = last_keys(runs, run.name)
     keys = {**before, **{node.name: node.key for node in run.nodes.values() if node.key}}
     if keys != before:
-        write_text(runs / run.name / "last.json", json.dumps(keys, indent=1))
+        write_text(runs / run.name / "last.json", sealed(json.dumps(keys)))

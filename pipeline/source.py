@@ -20,6 +20,7 @@ from typing import Any
 from pipeline.errors import InputError
 from pipeline.files import settled, stamp
 from pipeline.keys import DIGEST_CHARACTERS, digest, digest_bytes
+from pipeline.sealed import sealed, unsealed
 
 ROOT = "pipeline"
 REQUIRED = "<required>"
@@ -197,9 +198,8 @@ class Sources:
 
         current = {m.text_digest + " " + m.name for m in self._modules.values() if m}
         kept = {key: value for key, value in self._parsed.items() if key in current}
-        check = digest([kept, self._stamps])
-        content = {"format": _CACHE_FORMAT, "modules": kept, "stamps": self._stamps, "check": check}
-        write_text(self._memory, json.dumps(content))
+        content = {"format": _CACHE_FORMAT, "modules": kept, "stamps": self._stamps}
+        write_text(self._memory, sealed(json.dumps(content)))
         self._fresh = False
 
     def _read(self, name: str, path: Path) -> ModuleSource:
@@ -253,11 +253,11 @@ def _remembered(memory: Path | None) -> tuple[dict[str, dict[str, Any]], dict[st
     if memory is None:
         return {}, {}
     try:
-        content = json.loads(memory.read_bytes())
-        if content["format"] != _CACHE_FORMAT or content["check"] != digest([content["modules"], content["stamps"]]):
+        content = unsealed(memory.read_bytes())
+        if content["format"] != _CACHE_FORMAT:
             return {}, {}
         return content["modules"], content["stamps"]
-    except (OSError, ValueError, KeyError, TypeError, InputError):
+    except (OSError, ValueError, KeyError):
         return {}, {}
 
 

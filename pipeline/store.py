@@ -34,6 +34,7 @@ from pipeline.journal import Journal
 from pipeline.keys import digest
 from pipeline.locks import locked, shared
 from pipeline.record import Record, record_content, record_of
+from pipeline.sealed import sealed, unsealed
 
 if TYPE_CHECKING:
     from pipeline.mirror import Mirror
@@ -157,7 +158,7 @@ class Store:
         if self.mirror and not path.is_file():
             self.mirror.pull_file(_recipe_name(key), path)
         try:
-            return record_of(json.loads(path.read_bytes()), key)
+            return record_of(unsealed(path.read_bytes()), key)
         except (OSError, ValueError):
             return None
 
@@ -217,7 +218,7 @@ class Store:
 
     def keep(self, record: Record) -> None:
         """Keep the record of a recipe whose value has been put."""
-        write_text(self.recipe_file(record.key), json.dumps(record_content(record)))
+        write_text(self.recipe_file(record.key), sealed(json.dumps(record_content(record))))
         if self.mirror:
             self.mirror.push_file(self.recipe_file(record.key), _recipe_name(record.key))
 
@@ -226,7 +227,7 @@ class Store:
         name = name or digest(content)
         if name not in self._provenance:
             path = self.provenance_file(name)
-            if not path.is_file():
+            if not self.provenance(name):
                 write_text(path, json.dumps(content, indent=1))
             if self.mirror:
                 self.mirror.push_file(path, f"provenance/{name}.json")

@@ -138,3 +138,29 @@ def test_files_count_by_content(toys: Toys) -> None:
     (moved / "a.txt").write_text("two")
     assert toys.reasons(f"graph.raw.folder={moved}")["raw"] == "run: files changed: folder"
     assert toys.ran(f"graph.raw.folder={moved}") == ["raw"]
+
+
+def test_a_figure_changed_in_a_manifest_is_not_believed(toys: Toys) -> None:
+    run = toys.run()
+    manifest = run.path / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"mean_1_um": 3.0', '"mean_1_um": 8.0'))
+    with pytest.raises(pipeline.errors.PipelineError, match="it is not what was written"):
+        pipeline.open_run(run.path)
+    assert toys.run().metrics["mean_1_um"] == 3
+    assert pipeline.open_run(run.path).metrics == run.metrics
+
+
+def test_a_default_changed_in_what_is_remembered_of_the_sources_is_not_believed(toys: Toys) -> None:
+    toys.run()
+    memory = toys.folder / "runs" / ".store" / "memory" / "sources.json"
+    assert '"default": 100.0' in memory.read_text()
+    memory.write_text(memory.read_text().replace('"default": 100.0', '"default": 2.0'))
+    assert toys.run()["cut"].period_um[0, 0] == 3
+
+
+def test_a_lost_listing_of_code_is_written_again(toys: Toys) -> None:
+    run = toys.run()
+    (listing,) = {run.store.record(n.key).code for n in run.nodes.values()}
+    run.store.provenance_file(listing).write_text("{")
+    toys.run("graph.big.factor=4")
+    assert toys.load().store.provenance(listing)
