@@ -105,6 +105,29 @@ def emergency_text(code: int) -> str:
     return f"{words} (error code 0x{code:04X})"
 
 
+class _Client(canopen.sdo.SdoClient):
+    """Waits for an answer in two halves.
+
+    Where this process is held up for longer than the answer may take (stopped and continued, starved of the processor),
+    only the half in which it happens is lost, and the answer that came meanwhile is still heard in the other.
+    """
+
+    def read_response(self) -> bytes:
+        try:
+            return bytes(super().read_response())
+        except canopen.SdoCommunicationError:
+            return bytes(super().read_response())
+
+
+class _Node(canopen.RemoteNode):
+    """A node that is asked by :class:`_Client`."""
+
+    def add_sdo(self, rx_cobid: int, tx_cobid: int) -> _Client:
+        client = _Client(rx_cobid, tx_cobid, self.object_dictionary)
+        self.sdo_channels.append(client)
+        return client
+
+
 class Axis:
     """One axis: a context manager that opens the bus and enables the drive inside, and disables and closes it after.
 
@@ -284,8 +307,8 @@ class Axis:
 
     def _greet(self) -> None:
         """Find the drive and listen to it from now on."""
-        self._node = canopen.RemoteNode(self.node_id, canopen.ObjectDictionary())
-        self._node.sdo.RESPONSE_TIMEOUT = self.response_s
+        self._node = _Node(self.node_id, canopen.ObjectDictionary())
+        self._node.sdo.RESPONSE_TIMEOUT = self.response_s / 2
         self._network.add_node(self._node)
         device = self._read(_DEVICE_TYPE) & 0xFFFF
         if device != _CIA_402:

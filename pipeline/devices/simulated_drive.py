@@ -4,6 +4,9 @@ It shares nothing with the driver but the bus. SDO, NMT and emergencies are serv
 their limits come from the EDS file beside this module; states, set-points, motion, following error and the heartbeat
 are here. The motor's clock may run faster than ours, so that a run need not wait for it; the bus and the heartbeat run
 in real time. A new set-point replaces the present one at once; process data objects are not served.
+
+The clock is read once a step, in ``_advance``, and everything in that step happens at this moment: a thread that is
+kept waiting between two lines then sees the motor farther on, never a shaft that lags behind its set-point.
 """
 
 from __future__ import annotations
@@ -71,6 +74,7 @@ class SimulatedDrive:
         self._actual = 0.0
         self._shaft = 0.0
         self._running = False
+        self._moment = self._clock()
         self._reset()
 
     def inject(self, fault: Fault, *, at_counts: float | None = None) -> None:
@@ -116,6 +120,7 @@ class SimulatedDrive:
         self._network = _Network(can.Bus(interface="virtual", channel=self.channel))
         self._network.NOTIFIER_CYCLE = _NOTIFIER_S
         with self._changed:
+            self._moment = self._clock()
             self._reset()
             self._running = True
             self._network.add_node(self._node)
@@ -178,16 +183,22 @@ class SimulatedDrive:
                 self._changed.wait(_UNDER_WAY_S if self._under_way() else None)
 
     def _under_way(self) -> bool:
-        return self._now() < self._began + self._motion.seconds or self._demand() != self._actual
+        return not self._at_rest() or self._demand() != self._actual
 
-    def _now(self) -> float:
+    def _clock(self) -> float:
         return time.monotonic() * self.time_scale
 
+    def _at_rest(self) -> bool:
+        return self._moment >= self._began + self._motion.seconds
+
     def _demand(self) -> float:
-        return self._motion.at(self._now() - self._began)[0]
+        return self._motion.at(self._moment - self._began)[0]
+
+    def _velocity(self) -> float:
+        return self._motion.at(self._moment - self._began)[1]
 
     def _go(self, motion: Motion) -> None:
-        self._motion, self._began, self._followed = motion, self._now(), self._now()
+        self._motion, self._began, self._followed = motion, self._moment, self._moment
         self._changed.notify_all()
 
     def _rest(self) -> None:
@@ -196,11 +207,11 @@ class SimulatedDrive:
             self._go(Motion(self._actual))
 
     def _brake(self, deceleration: str) -> None:
-        demand, velocity = self._motion.at(self._now() - self._began)
-        self._go(braking(demand, velocity, self._value(deceleration)))
+        self._go(braking(self._demand(), self._velocity(), self._value(deceleration)))
 
     def _advance(self) -> None:
         """Bring everything to this moment of the drive's clock."""
+        self._moment = self._clock()
         before, demand = self._actual, self._demand()
         if not {"jam", "stall"} & self._faults:
             self._actual = demand
@@ -211,18 +222,17 @@ class SimulatedDrive:
             self._strike(fault)
         self._shaft = min(max(self._shaft, self._actual - self._play / 2), self._actual + self._play / 2)
         self._watch_following_error()
-        at_rest = self._now() >= self._began + self._motion.seconds
-        if self._state == "quick stop active" and at_rest and self._value("Quick stop option code") < 5:
+        if self._state == "quick stop active" and self._at_rest() and self._value("Quick stop option code") < 5:
             self._state = "switch on disabled"
-        elif self._state == "fault reaction active" and (at_rest or "jam" in self._faults):
+        elif self._state == "fault reaction active" and (self._at_rest() or "jam" in self._faults):
             self._state = "fault"
             self._rest()
 
     def _watch_following_error(self) -> None:
         follows = abs(self._demand() - self._actual) <= self._value("Following error window")
         if follows or "stall" in self._faults or self._state != "operation enabled":
-            self._followed = self._now()
-        elif self._now() - self._followed >= self._value("Following error time out") / 1000:
+            self._followed = self._moment
+        elif self._moment - self._followed >= self._value("Following error time out") / 1000:
             self._fail(0x8611, register=0x21)
 
     def _fail(self, code: int, *, register: int) -> None:
@@ -316,22 +326,21 @@ class SimulatedDrive:
         self._halted = bool(word & _HALT)
 
     def _head_for_target(self) -> None:
-        demand, velocity = self._motion.at(self._now() - self._began)
         self._go(
             trapezoid(
-                demand,
+                self._demand(),
                 self._target,
                 velocity=self._value("Profile velocity"),
                 acceleration=self._value("Profile acceleration"),
                 deceleration=self._value("Profile deceleration"),
-                velocity_now=velocity,
+                velocity_now=self._velocity(),
             )
         )
 
     def _statusword(self) -> int:
         word = _STATUS[self._state] | _VOLTAGE | _REMOTE
         settled = self._began + self._motion.seconds + self._value("Position window time") / 1000
-        if self._now() >= settled and abs(self._actual - self._target) <= self._value("Position window"):
+        if self._moment >= settled and abs(self._actual - self._target) <= self._value("Position window"):
             word |= _REACHED
         if self._acknowledged:
             word |= _ACKNOWLEDGED
@@ -346,7 +355,7 @@ _LIVE: dict[int, Callable[[SimulatedDrive], int]] = {
     0x6061: lambda drive: drive._value("Modes of operation"),
     0x6062: lambda drive: round(drive._demand()),
     0x6064: lambda drive: round(drive._actual),
-    0x606C: lambda drive: round(drive._motion.at(drive._now() - drive._began)[1]),
+    0x606C: lambda drive: round(drive._velocity()),
     0x60F4: lambda drive: round(drive._demand() - drive._actual),
 }
 """Objects whose values are made when they are read."""

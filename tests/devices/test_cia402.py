@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import can
 import canopen
@@ -81,6 +83,34 @@ def test_the_shaft_may_stand_elsewhere_than_the_encoder_reads() -> None:
         assert np.rad2deg(mount.shaft_rad) == pytest.approx(
             behind_play + 0.2 * np.sin(np.deg2rad(behind_play)), abs=1e-9
         )
+
+
+def test_a_thread_kept_waiting_makes_no_following_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = time.monotonic
+
+    def kept_waiting() -> float:
+        now = clock()
+        time.sleep(0.001)  # a second of the drive's clock, in which the motor turns by 20 degrees
+        return now
+
+    monkeypatch.setattr("pipeline.devices.simulated_drive.time", SimpleNamespace(monotonic=kept_waiting))
+    with SimulatedRotationMount() as mount:
+        for angle_deg in (90, 0):
+            assert mount.move_to(np.deg2rad(angle_deg)) == pytest.approx(np.deg2rad(angle_deg), abs=1e-5)
+        assert mount.drive.state == "operation enabled"
+
+
+def test_an_answer_counts_that_came_while_this_process_was_held_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    read_response, held_up = canopen.sdo.SdoClient.read_response, itertools.cycle([True, False])
+
+    def late(client: canopen.sdo.SdoClient) -> bytes:
+        if next(held_up):
+            raise canopen.SdoCommunicationError("No SDO response received")
+        return read_response(client)
+
+    with SimulatedRotationMount() as mount:
+        monkeypatch.setattr(canopen.sdo.SdoClient, "read_response", late)
+        assert mount.move_to(0.5) == pytest.approx(0.5, abs=1e-5)
 
 
 def test_two_mounts_do_not_disturb_each_other() -> None:
