@@ -43,6 +43,29 @@ def test_a_turned_map_is_turned_back(photos, turn_deg, caplog):
     assert "made absolute" in caplog.text
 
 
+@pytest.mark.parametrize("known_deg", [-48.5, 131.5, 311.5])
+def test_a_known_offset_is_added_and_makes_the_map_absolute(known_deg):
+    orientation, period = maps(np.deg2rad(48.5))
+    found = offset(orientation, period, known_deg=known_deg)
+    assert found.absolute
+    assert np.nanmax(np.abs(axial_difference(found.orientation_rad, at_centres(ORIENTATION)))) < 1e-6
+    assert np.nanmin(found.orientation_rad) >= 0
+    assert np.nanmax(found.orientation_rad) < np.pi
+
+
+def test_a_known_offset_counts_for_more_than_photographs(photos):
+    assert np.array_equal(
+        offset(*maps(0.2), photos, known_deg=7.0).orientation_rad,
+        offset(*maps(0.2), known_deg=7.0).orientation_rad,
+        equal_nan=True,
+    )
+
+
+def test_without_photographs_or_a_known_offset_the_map_stays_as_it_is():
+    orientation, period = maps(0.2)
+    assert offset(orientation, period) is orientation
+
+
 def test_a_tangent_along_x_shines_under_a_light_on_the_x_axis():
     """A light on +x lights the strip whose tangent is x; the map is 50 degrees off."""
     theta = np.repeat(np.deg2rad([0.0, 45.0, 90.0, 135.0]), 20)[:, None] * np.ones((1, 80))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import jv
@@ -23,7 +26,7 @@ def maps(orientation_deg: float, period_um: float = 1.2, size: int = 3) -> tuple
     angle = np.full((size, size), np.deg2rad(orientation_deg), np.float32)
     mask = np.ones((size, size), bool)
     return (
-        OrientationMap(angle, angle, angle, mask, 0.01),
+        OrientationMap(angle, angle, angle, mask, 0.01, absolute=True),
         PeriodMap(np.full((size, size), period_um, np.float32), mask, 0.01),
     )
 
@@ -49,6 +52,19 @@ def test_a_grating_lights_up_towards_its_tangent_anticlockwise_from_x() -> None:
         shine = brightness(orientation, [light(a) for a in azimuths])
         assert azimuths[int(np.argmax(shine))] % 180 == orientation
         assert np.sort(shine)[-2] < 0.01 * shine.max()
+
+
+def test_a_map_known_up_to_an_offset_is_rendered_with_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    absolute, period = maps(30.0)
+    relative, lights = replace(absolute, absolute=False), [light(30.0)]
+    told = "known up to one offset"
+    assert told in render(relative, period, lights_mm=lights, **SMALL).caption
+    (warning,) = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
+    assert told in warning
+    assert "known_deg" in warning
+    caplog.clear()
+    assert told not in render(absolute, period, lights_mm=lights, **SMALL).caption
+    assert not caplog.records
 
 
 def test_half_a_turn_of_the_light_shows_the_same() -> None:

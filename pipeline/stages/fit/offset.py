@@ -29,6 +29,7 @@ def offset(
     period: PeriodMap,
     photos: PictureSeries | None = None,
     *,
+    known_deg: float | None = None,
     light_sigma_mm: float = 12.0,
     coherence_um: float = 65.0,
     step_deg: float = 1.0,
@@ -42,7 +43,8 @@ def offset(
     [0, 180) degrees the luminance that the turned map would have is predicted (a Gaussian across the tangent as wide as
     light and coherence window make it; along it, the eye's response to the wavelength that each order sends to the
     camera) and its square root correlated with that of the photographs. The best offset of a coarse grid is refined.
-    Points near the mirror direction, which shine whatever their orientation, take no part.
+    Points near the mirror direction, which shine whatever their orientation, take no part. An offset that is known
+    already, as from a grating of known orientation under the same polariser, is simply added.
 
     Parameters
     ----------
@@ -50,7 +52,9 @@ def offset(
         Of shape (M, N).
     photos : PictureSeries, optional
         Of shape (L, M, N, 3), from the same place as the maps' photographs, with light and camera known. Without any
-        the map is given back as it is.
+        and without ``known_deg`` the map is given back as it is.
+    known_deg : float, optional
+        What to add to every orientation, anticlockwise; the photographs are then not asked.
     light_sigma_mm : float
         Standard deviation of the light's extent.
     coherence_um : float
@@ -78,6 +82,11 @@ def offset(
     Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
     sections 4.3 and 5.3.
     """
+    if known_deg is not None:
+        _log.info("Orientation made absolute: offset %.2f deg, as given.", known_deg)
+        return dataclasses.replace(
+            orientation, orientation_rad=_turned(orientation, np.deg2rad(known_deg)), absolute=True
+        )
     if photos is None:
         _log.info("No photographs under a small light: the offset stays unknown.")
         return orientation
@@ -118,9 +127,13 @@ def offset(
         _log.info("Orientation made absolute: %s.", report)
     else:
         _log.warning("The offset is ambiguous and the map stays relative: %s.", report)
-    turned = wrap_axial(orientation.orientation_rad + found).astype(np.float32)
+    return dataclasses.replace(orientation, orientation_rad=_turned(orientation, found), absolute=bool(clear))
+
+
+def _turned(orientation: OrientationMap, by_rad: float) -> NDArray[np.float32]:
+    turned = wrap_axial(orientation.orientation_rad + by_rad).astype(np.float32)
     turned[turned >= np.float32(np.pi)] = 0
-    return dataclasses.replace(orientation, orientation_rad=turned, absolute=bool(clear))
+    return turned
 
 
 def _compared(

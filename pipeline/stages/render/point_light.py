@@ -13,6 +13,8 @@ from pipeline.errors import InputError
 
 _log = logging.getLogger(__name__)
 
+_OFFSET_UNKNOWN = "Orientations are known up to one offset: facets may shine under other lights than here"
+
 
 def point_light(
     orientation: OrientationMap,
@@ -32,7 +34,8 @@ def point_light(
     """Render a sheet under a light that is carried around it.
 
     Each pixel's light is summed over wavelengths and over all diffraction orders that can reach the camera, each order
-    as wide as the coherence window and the light's extent make it.
+    as wide as the coherence window and the light's extent make it. Orientations that are known only up to one offset
+    make facets shine under the wrong lights: there is a warning, and the caption says so.
 
     Parameters
     ----------
@@ -75,6 +78,12 @@ def point_light(
     """
     if orientation.orientation_rad.shape != period.period_um.shape:
         raise InputError("the maps of orientation and period differ in shape")
+    caption = "Rendered: the measured maps under the same light"
+    if not orientation.absolute:
+        caption += f". {_OFFSET_UNKNOWN}"
+        _log.warning(
+            "%s. fit.offset makes them absolute, from photographs under a torch or from known_deg", _OFFSET_UNKNOWN
+        )
     pixel_mm = orientation.pixel_mm or period.pixel_mm
     if pixel_mm is None:
         pixel_mm = width_mm / orientation.orientation_rad.shape[1]
@@ -99,7 +108,7 @@ def point_light(
         light_mm=lighting.lights_mm,
         camera_mm=lighting.camera_mm,
         pixel_mm=pixel_mm,
-        caption="Rendered: the measured maps under the same light",
+        caption=caption,
     )
 
 
