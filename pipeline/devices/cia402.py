@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, Self
 import can
 import canopen
 
+from pipeline import progress
 from pipeline.devices.motion_profile import trapezoid
 from pipeline.errors import DeviceError
 
@@ -237,6 +238,8 @@ class Axis:
         ------
         DeviceError
             The axis did not get there. It has been told to stop, unless it no longer listens.
+        Stopped
+            The run was interrupted; likewise.
         """
         if self._network is None:
             raise self._error("the axis is not open")
@@ -272,6 +275,7 @@ class Axis:
         """Poll the statusword of an enabled drive until it is as wanted."""
         deadline, pause = time.monotonic() + seconds, _FIRST_PAUSE_S
         while True:
+            progress.check()
             word = self._read(_STATUSWORD)
             self._listen()
             state = state_of(word)

@@ -17,6 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline import progress
 from pipeline.devices.cia402 import emergency_text, state_of
 from pipeline.devices.motion_profile import braking, trapezoid
 from pipeline.devices.protocols import RotationMount
@@ -514,3 +515,21 @@ def test_the_least_time_is_that_of_the_closed_form() -> None:
     short = trapezoid(0, -1, velocity=20, acceleration=100, deceleration=100)
     assert short.seconds == pytest.approx(2 * np.sqrt(1 / 100))
     assert braking(3, -20, 100).at(1.0) == (pytest.approx(3 - 20**2 / 200), 0.0)
+
+
+def test_an_interrupted_move_stops_on_the_way() -> None:
+    mount = SimulatedRotationMount(time_scale=1.0, velocity_deg_s=20.0)
+    with mount:
+        timer = threading.Timer(0.5, progress.stop)
+        timer.start()
+        try:
+            with pytest.raises(progress.Stopped):
+                mount.move_to(np.pi / 2)
+        finally:
+            timer.join()
+            progress.go_on()
+        before = mount.shaft_rad
+        time.sleep(0.2)
+        assert mount.shaft_rad == pytest.approx(before, abs=1e-4)
+        assert 0 < np.rad2deg(before) < 60
+        assert mount.move_to(0.1) == pytest.approx(0.1, abs=1e-3)
