@@ -532,4 +532,5 @@ def test_an_interrupted_move_stops_on_the_way() -> None:
         time.sleep(0.2)
         assert mount.shaft_rad == pytest.approx(before, abs=1e-4)
         assert 0 < np.rad2deg(before) < 60
+    with mount:
         assert mount.move_to(0.1) == pytest.approx(0.1, abs=1e-3)
