@@ -2,7 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.installed
+RUN := $(VENV)/.installed
+DEV := $(VENV)/.installed-dev
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 EXPERIMENT ?= polarization_logo
 
 .DEFAULT_GOAL := help
@@ -11,33 +13,39 @@ EXPERIMENT ?= polarization_logo
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-$(STAMP): pyproject.toml constraints.txt
+$(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "Python 3.11 or newer is needed; $(PYTHON) is older. Try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+
+$(RUN): pyproject.toml constraints.txt | $(BIN)/python
+	$(INSTALL) .
 	@touch $@
 
-run: $(STAMP)  ## set up, run polarization_logo (or EXPERIMENT=NAME), and say where the report lies
+$(DEV): pyproject.toml constraints.txt | $(BIN)/python
+	$(INSTALL) '.[dev]'
+	@touch $@ $(RUN)
+
+run: $(RUN)  ## set up, run polarization_logo (or EXPERIMENT=NAME), and say where the report lies
 	$(BIN)/python -m pipeline +experiment=$(EXPERIMENT)
 
-test: $(STAMP)  ## set up and run the tests
+test: $(DEV)  ## set up and run the tests
 	$(BIN)/python -m pytest -n auto
 
-lint: $(STAMP)  ## style, types and the direction of imports
+lint: $(DEV)  ## style, types and the direction of imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-format: $(STAMP)  ## put the code in its usual form
+format: $(DEV)  ## put the code in its usual form
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(STAMP)  ## every comparison of speed that the documentation quotes
+bench: $(DEV)  ## every comparison of speed that the documentation quotes
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
 
-wheel: $(STAMP)  ## build dist/optibench-*.whl
+wheel: $(DEV)  ## build dist/optibench-*.whl
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
 
 clean:  ## remove everything that make made; results in runs/ stay
