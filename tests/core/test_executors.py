@@ -116,6 +116,17 @@ def test_large_stages_do_not_run_side_by_side(toys: Toys, words: list[str]) -> N
     assert not overlap(found["a"], found["b"])
 
 
+def test_stages_side_by_side_share_the_cores(toys: Toys, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.workbench.cores", lambda: 8)
+    lines = [
+        f"{n}: {{stage: toy.waits_for_others, maps: raw, count: 4, folder: {toys.folder}, name: {n}}}" for n in "abcd"
+    ]
+    toys.graph("\n".join(["raw: {stage: toy.source}", *lines]))
+    run = toys.run("executor=threads", "executor.workers=4")
+    assert not run.failed
+    assert sorted(run[name].period_um[0, 0] for name in "abcd")[0] == 2  # the last of four to begin
+
+
 def test_an_exclusive_stage_runs_alone_and_small_ones_together(toys: Toys) -> None:
     lines = [f"{n}: {{stage: toy.slow, maps: raw, name: {n}, log: {toys.folder}" for n in "abcd"]
     needs = ["", "", ", resources: {exclusive: true}", ", resources: {memory_gb: 1}"]

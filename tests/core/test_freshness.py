@@ -89,6 +89,16 @@ def test_files_that_keep_size_and_time_are_noticed(toys: Toys, folder: Path, how
     assert toys.run()["raw"].period_um[0, 0] == 2
 
 
+def test_hidden_files_do_not_count(toys: Toys, folder: Path) -> None:
+    toys.run()
+    (folder / ".DS_Store").write_text("of a file manager")
+    (folder / ".thumbnails").mkdir()
+    (folder / ".thumbnails" / "a.png").write_text("of another")
+    assert toys.ran() == []
+    (folder / "seen.txt").write_text("another file")
+    assert toys.ran() == ["raw"]
+
+
 def test_a_stamp_is_trusted_only_when_the_clock_has_moved_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "file"
     file.write_text("1")

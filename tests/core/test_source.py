@@ -94,6 +94,12 @@ def test_the_closure_follows_relative_absolute_and_inner_imports(package: Path) 
     ]
 
 
+def test_the_packages_above_a_module_belong_to_its_closure(package: Path) -> None:
+    """Importing ``circles.below.leaf`` runs ``circles/__init__.py`` and ``circles/below/__init__.py`` too."""
+    (package / "below" / "__init__.py").write_text("from circles import stranger\n")
+    assert "circles.stranger" in Sources().closure(["circles.round"])
+
+
 def test_what_was_parsed_is_remembered_and_never_stale(package: Path, tmp_path: Path) -> None:
     memory = tmp_path / "memory" / "sources.json"
     first = Sources(memory)

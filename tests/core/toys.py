@@ -35,6 +35,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.data import Metrics, OrientationMap, PeriodMap
+from pipeline.parallel import threads
 from toybench.arithmetic import scaled
 
 
@@ -93,6 +94,15 @@ def slow(maps: PeriodMap, *, name: str, log: str) -> PeriodMap:
     with Path(log, "spans.txt").open("a") as file:
         file.write(f"{name} {start} {time.time()}\\n")
     return maps
+
+
+def waits_for_others(maps: PeriodMap, *, name: str, folder: str, count: int) -> PeriodMap:
+    """Give the threads it may use, once as many stages as that run at the same time."""
+    Path(folder, name + ".runs").touch()
+    deadline = time.time() + 10
+    while len(list(Path(folder).glob("*.runs"))) < count and time.time() < deadline:
+        time.sleep(0.01)
+    return PeriodMap(np.full((2, 2), threads(), np.float32), np.ones((2, 2), bool))
 
 
 def turn(maps: PeriodMap) -> OrientationMap:
