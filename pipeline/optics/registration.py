@@ -121,7 +121,8 @@ def edge_shifts(
         shift = shift + _OVER_RELAXATION * step * np.minimum(1, 1 / np.maximum(length, 1e-12))[:, None]
         if length.max() < _STILL_PX:
             break
-    return Shifts(shift, deviation)
+    # A shift is that between two photographs, the first of which is no better known than the other.
+    return Shifts(shift, np.hypot(deviation, deviation[0]))
 
 
 def _overlap(height: int, width: int, whole: NDArray[np.int_]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:

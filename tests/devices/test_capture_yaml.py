@@ -148,6 +148,7 @@ def test_angles_in_names(names: list[str], angles: list[float], tmp_path: Path) 
         (["IMG_0001.CR2", "IMG_0002.CR2", "IMG_0003.CR2"], "look like a counter"),
         (["IMG_0340.CR2", "IMG_0350.CR2", "IMG_0360.CR2"], "look like a counter"),
         (["IMG_0012.CR2", "IMG_0017.CR2", "IMG_0019.CR2"], "look like a counter"),
+        (["IMG_0100.CR2", "IMG_0102.CR2", "IMG_0104.CR2"], "look like a counter"),
         (["IMG_0001_0.tif", "IMG_0002_45.tif", "IMG_0003_90.tif"], "differ in 2 numbers"),
         (["a.tif", "b.tif", "c.tif"], "are not alike: a.tif, b.tif, c.tif"),
         (["psi_0.tif", "psi_45.tif", "overview.tif"], "'overview.tif' has no number that a word tags"),

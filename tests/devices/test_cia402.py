@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
+from typing import Any
 
 import can
 import canopen
@@ -18,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline import progress
-from pipeline.devices.cia402 import emergency_text, state_of
+from pipeline.devices.cia402 import Axis, emergency_text, state_of
 from pipeline.devices.motion_profile import braking, trapezoid
 from pipeline.devices.protocols import RotationMount
 from pipeline.devices.rotation_mount import CanopenRotationMount, SimulatedRotationMount
@@ -534,3 +535,15 @@ def test_an_interrupted_move_stops_on_the_way() -> None:
         assert 0 < np.rad2deg(before) < 60
     with mount:
         assert mount.move_to(0.1) == pytest.approx(0.1, abs=1e-3)
+
+
+def test_an_axis_that_stands_elsewhere_than_it_says_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    with SimulatedRotationMount() as mount:
+        read = Axis._read
+
+        def shifted(axis: Axis, entry: Any) -> int:
+            return read(axis, entry) + (5000 if entry.name == "actual position" else 0)
+
+        monkeypatch.setattr(Axis, "_read", shifted)
+        with pytest.raises(DeviceError, match=r"says that it reached .* but stands at"):
+            mount.move_to(0.5)

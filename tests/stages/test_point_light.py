@@ -171,6 +171,14 @@ def test_the_photograph_shows_what_the_rendering_of_the_truth_shows() -> None:
     assert np.corrcoef(photo.rgb.ravel(), shown)[0, 1] > 0.97
 
 
+def test_the_lens_blurs_what_it_photographs() -> None:
+    sample = logo(pixel_mm=0.04, margin_mm=0.2)
+    settings = {"lights_mm": [light(30.0)], "pixel_mm": 0.12, "read_noise_electrons": 0.0, "full_well_electrons": 1e7}
+    sharp, soft = (photograph(sample, blur_mm=blur, **settings).rgb[0].sum(axis=-1) for blur in (0.0, 0.24))
+    steepest = [np.abs(np.diff(image, axis=1)).max() / image.max() for image in (sharp, soft)]
+    assert steepest[1] < 0.5 * steepest[0]
+
+
 def test_supersampling_where_facets_meet_is_supersampling_everywhere() -> None:
     sample = logo(pixel_mm=0.04)
     lighting = Lighting(

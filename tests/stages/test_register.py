@@ -76,6 +76,35 @@ def test_a_shift_down_and_to_the_right_has_positive_sign(found):
     np.testing.assert_allclose(found[0].shift_px[4], (1.5, 0.75), atol=0.02)
 
 
+def test_what_came_from_outside_the_picture_is_not_valid():
+    shifts = np.zeros((12, 2))
+    shifts[4] = (0.4, -0.3)  # less than half a pixel: no whole row or column is lost
+    moved = photographed(ORIENTATION, PERIOD, TWELVE, shifts_px=shifts)
+    valid = register(moved).valid
+    assert not valid[-1].any()
+    assert not valid[:, 0].any()
+    assert valid[:-1, 1:].all()
+
+
+def test_the_stated_deviation_is_that_of_the_shifts(found):
+    errors, stated = [], []
+    for seed in range(6):
+        shifts = by_hand(0.5, seed)
+        register(photographed(ORIENTATION, PERIOD, TWELVE, shifts_px=shifts, electrons=150, seed=seed))
+        errors.append((found[-1].shift_px - shifts)[1:])
+        stated.append(found[-1].deviation_px[1:])
+    scatter = np.sqrt(np.mean(np.square(errors)))
+    assert scatter / 3 < np.mean(stated) < 3 * scatter
+
+
+def test_noisy_photographs_that_did_not_move_are_not_resampled(found):
+    still = photographed(ORIENTATION, PERIOD, TWELVE, electrons=1000)
+    aligned = register(still, least_shift_px=0.0)
+    same = [np.array_equal(a, b) for a, b in zip(aligned.images, still.images, strict=True)]
+    assert np.abs(found[0].shift_px[1:]).max() > 0
+    assert np.mean(same) > 0.8
+
+
 def test_photographs_that_did_not_move_come_back_as_they_were():
     still = photographed(ORIENTATION, PERIOD, TWELVE, electrons=1e4)
     aligned = register(still)
