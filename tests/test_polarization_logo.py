@@ -86,6 +86,24 @@ def test_exported_photographs_are_the_same_photographs(results: Path, tmp_path: 
     assert "correlation_mean" in replayed.metrics
 
 
+def test_exported_torch_photographs_make_a_replay_absolute(results: Path, tmp_path: Path) -> None:
+    captured = run(results, *SMALL)
+    for node in ("photos", "torch"):
+        assert main(["export", str(captured.path), node, str(tmp_path / node)]) == 0
+    replay = ["rig=replay", f"rig.folder={tmp_path / 'photos'}"]
+    relative = run(results, *replay)
+    assert relative.nodes["torch"].status == "absent"
+    assert not relative["placed"].absolute
+    assert "known up to one offset" in relative.nodes["rendering"].warnings[0]
+    assert "known up to one offset" in relative["rendering"].caption
+    torch = ["graph.torch.stage=capture.recorded_point_light", f"graph.torch.folder={tmp_path / 'torch'}"]
+    absolute = run(results, *replay, *torch)
+    assert np.array_equal(absolute["torch"].rgb, captured["torch"].rgb)
+    assert absolute.nodes["placed"].artifact == captured.nodes["placed"].artifact
+    assert absolute.nodes["rendering"].artifact == captured.nodes["rendering"].artifact
+    assert not absolute.nodes["rendering"].warnings
+
+
 @pytest.mark.parametrize("scene", ["glass", "fabrics"])
 def test_real_photographs_give_the_angle_that_polanalyser_computes(
     results: Path, measurements: Path, scene: str

@@ -28,13 +28,12 @@ from typing import Any
 
 import yaml
 
+from pipeline.devices.yaml_reader import YamlReader, described, root_of
 from pipeline.errors import InputError, InputErrors, nearest
 
 CAPTURE_FILE = "capture.yaml"
 KIND = "polarizer_sequence"
-KINDS = (KIND, "flash", "sheet_stack", "bispectral", "height_field")
-LONGEST_NAME = 255
-_NULL = "tag:yaml.org,2002:null"
+KINDS = (KIND, "point_light", "flash", "sheet_stack", "bispectral", "height_field")
 _HALF_TURN = Fraction("3.14159265358979323846264338327950288419716939937510")
 
 Mosaic = tuple[tuple[float, float], tuple[float, float]]
@@ -89,19 +88,8 @@ def read_capture_yaml(path: Path) -> Capture:
     InputErrors
         Everything that is wrong with it, each with file and line.
     """
-    try:
-        root = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputErrors([InputError(f"{path.name} cannot be read: {error}", where=str(path))]) from None
-    except RecursionError:
-        raise InputErrors([InputError("no valid YAML: nested too deeply", where=str(path))]) from None
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise InputErrors([InputError(f"no valid YAML: {error.problem}", where=f"{path}:{line}")]) from None
-    except yaml.YAMLError as error:
-        raise InputErrors([InputError(f"no valid YAML: {error}", where=str(path))]) from None
     reader = _Reader(path)
-    capture = reader.capture(root)
+    capture = reader.capture(root_of(path))
     if capture is None or reader.problems:
         raise InputErrors(reader.problems)
     return capture
@@ -147,13 +135,7 @@ def _decimal(scaled: int, places: int) -> str:
     return f"{sign}{text[:-places]}.{text[-places:]}"
 
 
-class _Reader:
-    """Walks the nodes of the YAML, collecting problems with their lines."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.problems: list[InputError] = []
-
+class _Reader(YamlReader):
     def capture(self, root: yaml.Node | None) -> Capture | None:
         if root is None:
             self.problems.append(
@@ -178,31 +160,6 @@ class _Reader:
         del values["kind"]
         return Capture(source=self.path, **values)
 
-    def mapping(
-        self,
-        node: yaml.Node,
-        known: Mapping[str, Callable[[yaml.Node], Any]],
-        *,
-        required: tuple[str, ...],
-        what: str,
-    ) -> dict[str, Any] | None:
-        if not isinstance(node, yaml.MappingNode):
-            self.problem(node, f"{what} is {_described(node)}", f"a mapping with {', '.join(known)}")
-            return None
-        values: dict[str, Any] = {}
-        for key, value in node.value:
-            name = str(key.value)
-            if name not in known:
-                self.problem(key, f"{what} has no '{name}'", ", ".join(known), nearest(name, known))
-            elif name in values:
-                self.problem(key, f"'{name}' stands twice", "one")
-            elif value.tag != _NULL or name in required:
-                values[name] = known[name](value)
-        for name in required:
-            if name not in values:
-                self.problem(node, f"{what} lacks '{name}'", ", ".join(required))
-        return values
-
     def kind(self, node: yaml.Node) -> str | None:
         text = self.text(node)
         if text is not None and text != KIND:
@@ -212,7 +169,7 @@ class _Reader:
 
     def photos(self, node: yaml.Node) -> tuple[PhotoEntry, ...]:
         if not isinstance(node, yaml.SequenceNode) or not node.value:
-            self.problem(node, f"photos is {_described(node)}", "a list of {file: ..., polarizer_deg: ...}")
+            self.problem(node, f"photos is {described(node)}", "a list of {file: ..., polarizer_deg: ...}")
             return ()
         return tuple(entry for entry in map(self.photo, node.value) if entry is not None)
 
@@ -247,7 +204,7 @@ class _Reader:
         rows = node.value if isinstance(node, yaml.SequenceNode) else []
         shape = [len(row.value) if isinstance(row, yaml.SequenceNode) else 0 for row in rows]
         if shape != [2, 2]:
-            self.problem(node, f"mosaic_deg is {_described(node)}", "two rows of two angles: [[90, 45], [135, 0]]")
+            self.problem(node, f"mosaic_deg is {described(node)}", "two rows of two angles: [[90, 45], [135, 0]]")
             return None
         angles = [self.angle(item) for row in rows for item in row.value]
         if any(angle is None for angle in angles):
@@ -262,67 +219,3 @@ class _Reader:
         except ValueError:
             self.problem(node, f"'{text}' is no angle", "degrees, such as 22.5")
             return None
-
-    def positive(self, node: yaml.Node) -> float | None:
-        text = self.text(node)
-        try:
-            value = math.nan if text is None else float(text)
-        except ValueError:
-            value = math.nan
-        if not 0 < value < math.inf:
-            self.problem(node, f"'{text}' is no positive number", "a number above 0")
-            return None
-        return value
-
-    def boolean(self, node: yaml.Node) -> bool | None:
-        text = self.text(node)
-        if text not in ("true", "false"):
-            self.problem(node, f"'{text}' is neither true nor false", "true or false")
-        return text == "true"
-
-    def file(self, node: yaml.Node) -> Path | None:
-        text = self.text(node)
-        if not text:
-            self.problem(node, "a file without a name", "a file name relative to the folder")
-            return None
-        parts = Path(text).parts
-        if Path(text).is_absolute() or any(part.startswith(".") for part in parts):
-            self.problem(
-                node,
-                f"'{text}' is hidden or lies outside the folder, so that a change of it would go unnoticed",
-                "a visible file in the folder, or in a folder below it",
-            )
-            return None
-        if any(len(part.encode()) > LONGEST_NAME for part in parts):
-            self.problem(node, "a file name longer than any file system takes", f"at most {LONGEST_NAME} bytes")
-            return None
-        return self.path.parent / text
-
-    def files(self, node: yaml.Node) -> tuple[Path, ...]:
-        items = node.value if isinstance(node, yaml.SequenceNode) else [node]
-        return tuple(path for path in map(self.file, items) if path is not None)
-
-    def texts(self, node: yaml.Node) -> dict[str, str]:
-        if not isinstance(node, yaml.MappingNode):
-            self.problem(node, f"metadata is {_described(node)}", "a mapping of texts")
-            return {}
-        return {str(key.value): str(self.text(value)) for key, value in node.value}
-
-    def text(self, node: yaml.Node) -> str | None:
-        if not isinstance(node, yaml.ScalarNode):
-            self.problem(node, f"{_described(node)} stands where one value is due", "one value")
-            return None
-        return str(node.value)
-
-    def place(self, node: yaml.Node) -> str:
-        return f"{self.path}:{node.start_mark.line + 1}"
-
-    def problem(self, node: yaml.Node, what: str, expected: str, hint: str = "") -> None:
-        self.problems.append(InputError(what, where=self.place(node), expected=expected, hint=hint))
-
-
-def _described(node: yaml.Node) -> str:
-    if isinstance(node, yaml.ScalarNode):
-        return f"'{node.value}'" if node.value else "empty"
-    size = len(node.value)
-    return f"a {'list' if isinstance(node, yaml.SequenceNode) else 'mapping'} of {size}"

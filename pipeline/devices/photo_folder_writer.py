@@ -1,8 +1,9 @@
-"""Sequences of photographs written as a folder that the replay rig takes in again, bit for bit."""
+"""Photographs written as a folder that a replay takes in again, bit for bit."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import OpenImageIO
 import yaml
 from numpy.typing import NDArray
 
-from pipeline.data import PolarizerSequence
+from pipeline.data import PictureSeries, PolarizerSequence
 from pipeline.devices.capture_yaml import CAPTURE_FILE, KIND, degrees_of
+from pipeline.devices.point_light_folder import KIND as POINT_LIGHT
 from pipeline.errors import DeviceError, InputError
 
 MASK_FILE = "mask.png"
@@ -42,7 +44,7 @@ def write_polarizer_sequence(sequence: PolarizerSequence, folder: Path) -> Path:
     """
     _check(sequence)
     count = len(sequence.images)
-    names = [f"photo_{index:0{len(str(count))}d}.tif" for index in range(1, count + 1)]
+    names = _names("photo", count)
     lines = [
         "# Angles: anticlockwise from +x, y up, as seen in the displayed photograph.",
         f"# python -m pipeline +experiment=polarization_logo rig=replay rig.folder={folder.name}",
@@ -60,14 +62,68 @@ def write_polarizer_sequence(sequence: PolarizerSequence, folder: Path) -> Path:
     if not sequence.valid.all():
         lines.append(f"mask: {MASK_FILE}")
     text = "\n".join(lines) + "\n" + yaml.safe_dump({"metadata": dict(sequence.metadata)}, width=math.inf)
+    images = dict(zip(names, sequence.images, strict=True))
+    if not sequence.valid.all():
+        images[MASK_FILE] = np.where(sequence.valid, np.uint8(255), np.uint8(0))
+    return _write(folder, images, text)
+
+
+def write_point_light(series: PictureSeries, folder: Path) -> Path:
+    """Write pictures under a torch as 32-bit float TIFF with ``capture.yaml``, which comes last.
+
+    Parameters
+    ----------
+    series : PictureSeries
+        The pictures; ``capture.recorded_point_light`` gives their arrays again, bit for bit.
+    folder : Path
+        Where to write; made where it is missing.
+
+    Returns
+    -------
+    Path
+        The ``capture.yaml``.
+
+    Raises
+    ------
+    InputError
+        There is no picture, or one has pixels that are no numbers.
+    DeviceError
+        A file cannot be written.
+    """
+    if series.rgb.dtype != np.float32 or series.rgb.ndim != 4 or not series.rgb.size or series.rgb.shape[3] != 3:
+        raise InputError(
+            f"pictures of shape {series.rgb.shape} and type {series.rgb.dtype}",
+            expected="(lights, rows, columns, 3) of float32",
+        )
+    if not np.isfinite(series.rgb).all():
+        raise InputError("pixels are NaN or infinite", expected="finite signal everywhere")
+    names = _names("torch", len(series.rgb))
+    lines = [
+        "# Places in mm: x right, y up, z towards the camera, origin at the sample in the middle of the photo.",
+        "# graph.torch.stage=capture.recorded_point_light graph.torch.folder=" + folder.name,
+        f"kind: {POINT_LIGHT}",
+        f"camera_mm: {[float(x) for x in series.camera_mm]}",
+        *([] if series.pixel_mm is None else [f"pixel_mm: {float(series.pixel_mm)!r}"]),
+        "photos:",
+    ]
+    lines += [
+        f"  - {{file: {name}, light_mm: {[float(x) for x in light]}}}"
+        for name, light in zip(names, series.light_mm, strict=True)
+    ]
+    return _write(folder, dict(zip(names, series.rgb, strict=True)), "\n".join(lines) + "\n")
+
+
+def _names(stem: str, count: int) -> list[str]:
+    return [f"{stem}_{index:0{len(str(count))}d}.tif" for index in range(1, count + 1)]
+
+
+def _write(folder: Path, images: Mapping[str, NDArray[Any]], capture: str) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, image in zip(names, sequence.images, strict=True):
+        for name, image in images.items():
             _write_image(folder / name, image)
-        if not sequence.valid.all():
-            _write_image(folder / MASK_FILE, np.where(sequence.valid, np.uint8(255), np.uint8(0)))
         path = folder / CAPTURE_FILE
-        path.write_text(text, encoding="utf-8")
+        path.write_text(capture, encoding="utf-8")
     except OSError as error:
         raise DeviceError(f"{folder} cannot be written: {error.strerror}") from error
     return path
@@ -95,9 +151,10 @@ def _check(sequence: PolarizerSequence) -> None:
 
 
 def _write_image(path: Path, image: NDArray[Any]) -> None:
-    rows, columns = image.shape
+    rows, columns = image.shape[:2]
+    channels = image.shape[2] if image.ndim == 3 else 1
     is_signal = image.dtype == np.float32
-    spec = OpenImageIO.ImageSpec(columns, rows, 1, OpenImageIO.FLOAT if is_signal else OpenImageIO.UINT8)
+    spec = OpenImageIO.ImageSpec(columns, rows, channels, OpenImageIO.FLOAT if is_signal else OpenImageIO.UINT8)
     if is_signal:
         spec.attribute("compression", "zip")
         spec.attribute("tiff:zipquality", 1)
@@ -107,7 +164,7 @@ def _write_image(path: Path, image: NDArray[Any]) -> None:
             f"{path} cannot be written: {OpenImageIO.geterror() if target is None else target.geterror()}"
         )
     # OpenImageIO reads beyond the end of arrays without a channel axis.
-    written = target.write_image(np.ascontiguousarray(image)[..., np.newaxis])
+    written = target.write_image(np.ascontiguousarray(image).reshape(rows, columns, channels))
     complaint = target.geterror()
     if not target.close() or not written:
         raise DeviceError(f"{path} cannot be written: {complaint or target.geterror()}")
