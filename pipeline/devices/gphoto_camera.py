@@ -16,6 +16,7 @@ from typing import Any, Self
 from pipeline.data import Photo
 from pipeline.devices.photo_files import DISPLAY_SUFFIXES, RAW_SUFFIXES, read_photo
 from pipeline.errors import DeviceError, InputError, nearest
+from pipeline.limits import above_zero, refuse
 
 log = logging.getLogger(__name__)
 
@@ -71,13 +72,14 @@ class GphotoCamera:
         self._warned = False
 
     def check(self) -> None:
-        """Refuse where the library that talks to cameras is not installed.
+        """Refuse a camera that is not waited for, and where the library that talks to cameras is not installed.
 
         Raises
         ------
         InputError
-            It says what to install.
+            It says what was expected, or what to install.
         """
+        refuse(above_zero(wait_ms=self.wait_ms))
         if importlib.util.find_spec("gphoto2") is None:
             raise InputError("the package gphoto2, which talks to cameras, is not installed", hint=_INSTALL)
 

@@ -10,7 +10,8 @@ from typing import Literal, Self
 from pipeline.data import GratingSample, Photo
 from pipeline.devices.photo_files import Channel, channel_of
 from pipeline.devices.protocols import Camera, Light, RotationMount
-from pipeline.errors import InputError, InputErrors
+from pipeline.errors import InputError
+from pipeline.limits import above_zero, found_by, refuse
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +71,7 @@ class PolarizationBench:
         self.light = light
         self.wavelength_nm = wavelength_nm
         self.pixel_mm = pixel_mm
-        self._devices = (camera, mount, light)
+        self._devices = {"camera": camera, "mount": mount, "light": light}
         self._stack = ExitStack()
 
     def place(self, sample: GratingSample | None) -> None:
@@ -92,23 +93,14 @@ class PolarizationBench:
 
         Raises
         ------
-        InputErrors
-            All that was found.
+        InputError, InputErrors
+            All that was found, each with its place.
         """
-        problems: list[InputError] = []
-        for device in self._devices:
-            check = getattr(device, "check", None)
-            try:
-                if check is not None:
-                    check()
-            except InputError as error:
-                problems.append(error)
-        if problems:
-            raise InputErrors(problems)
+        refuse(found_by(self._devices), above_zero(wavelength_nm=self.wavelength_nm, pixel_mm=self.pixel_mm))
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
-            for device in self._devices:
+            for device in self._devices.values():
                 if isinstance(device, AbstractContextManager):
                     stack.enter_context(device)
             self._stack = stack.pop_all()

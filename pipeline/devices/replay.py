@@ -19,6 +19,7 @@ from pipeline.devices.photo_files import DISPLAY_SUFFIXES, readable_suffixes
 from pipeline.devices.recording import Recording
 from pipeline.devices.recording_check import check_recording
 from pipeline.errors import DeviceError, InputError, nearest
+from pipeline.limits import above_zero, refuse, within
 
 _TOLERANCE_RAD = 1e-9
 
@@ -62,8 +63,6 @@ class PhotoFolder:
         pixel_mm: float | None = None,
         demosaic: Literal["bilinear", "guided"] = "bilinear",
     ) -> None:
-        if not 0 <= saturation_warning <= 1:
-            raise ValueError(f"saturation_warning is {saturation_warning}, expected a share from 0 to 1")
         self._folder = Path(folder)
         self._channel = channel
         self._saturation_warning = saturation_warning
@@ -141,8 +140,12 @@ class PhotoFolder:
         Raises
         ------
         InputError, InputErrors
-            What is wrong, in which file, and what was expected.
+            What is wrong, in which file or setting, and what was expected.
         """
+        refuse(
+            above_zero(wavelength_nm=self._wavelength_nm, pixel_mm=self._pixel_mm),
+            within(0, 1, saturation_warning=self._saturation_warning),
+        )
         check_recording(self.recording)
 
     def move_to(self, angle_rad: float) -> float:

@@ -14,8 +14,15 @@ import can
 from pipeline.devices.cia402 import Axis
 from pipeline.devices.simulated_drive import Fault, SimulatedDrive
 from pipeline.errors import DeviceError, InputError, nearest
+from pipeline.limits import above_zero, above_zero_up_to, refuse, within, zero_or_more
 
 _channels = itertools.count(1)
+
+MOST_COUNTS = 2**32 - 1
+"""Largest velocity or acceleration that a drive's object holds, in counts a second (squared)."""
+
+LONGEST_HEARTBEAT_S = 65.535
+"""The object that holds the interval has 16 bits, in milliseconds."""
 
 
 class CanopenRotationMount:
@@ -69,21 +76,19 @@ class CanopenRotationMount:
         response_s: float = 1.0,
         heartbeat_s: float = 0.2,
     ) -> None:
-        for name, value in (
-            ("counts_per_turn", counts_per_turn),
-            ("velocity_deg_s", velocity_deg_s),
-            ("acceleration_deg_s2", acceleration_deg_s2),
-            ("timeout_s", timeout_s),
-            ("response_s", response_s),
-        ):
-            if not value > 0:
-                raise InputError(f"{name} of the rotation mount is {value}", expected="more than 0")
-        if not 1 <= node_id <= 127:
-            raise InputError(f"node_id of the rotation mount is {node_id}", expected="1 to 127")
+        per_deg = counts_per_turn / 360
+        fastest = MOST_COUNTS / abs(per_deg or 1)
+        self._problems = [
+            *above_zero(counts_per_turn=counts_per_turn, bitrate=bitrate),
+            *above_zero_up_to(fastest, velocity_deg_s=velocity_deg_s, acceleration_deg_s2=acceleration_deg_s2),
+            *above_zero(timeout_s=timeout_s, response_s=response_s),
+            *zero_or_more(tolerance_deg=tolerance_deg),
+            *within(0, LONGEST_HEARTBEAT_S, heartbeat_s=heartbeat_s),
+            *within(1, 127, node_id=node_id),
+        ]
         self._interface = interface
         self._counts_per_rad = (-1 if clockwise else 1) * counts_per_turn / (2 * pi)
         self._zero_rad = radians(zero_deg)
-        per_deg = counts_per_turn / 360
         self._axis = Axis(
             name=f"rotation mount (node {node_id} on {channel})",
             interface=interface,
@@ -105,19 +110,26 @@ class CanopenRotationMount:
         return None
 
     def check(self) -> None:
-        """Refuse a CAN interface that python-can does not know.
+        """Refuse settings that no drive can have, and a CAN interface that python-can does not know.
 
         Raises
         ------
-        InputError
-            With the nearest known name.
+        InputError, InputErrors
+            Each setting, and what was expected.
         """
-        if self._interface not in can.VALID_INTERFACES:
-            raise InputError(
-                f"python-can has no interface '{self._interface}'",
-                expected="the kind of CAN interface, such as socketcan, slcan or pcan",
-                hint=nearest(self._interface, can.VALID_INTERFACES),
-            )
+        refuse(self.problems())
+
+    def problems(self) -> list[InputError]:
+        """What :meth:`check` refuses."""
+        if self._interface in can.VALID_INTERFACES:
+            return self._problems
+        unknown = InputError(
+            f"python-can has no interface '{self._interface}'",
+            where="interface",
+            expected="the kind of CAN interface, such as socketcan, slcan or pcan",
+            hint=nearest(self._interface, can.VALID_INTERFACES),
+        )
+        return [*self._problems, unknown]
 
     def move_to(self, angle_rad: float) -> float:
         """Turn the polariser to ``angle_rad`` and return the angle that the encoder reads once it stands still.
@@ -132,6 +144,7 @@ class CanopenRotationMount:
         return self._angle_rad(self._axis.move_to(round((angle_rad - self._zero_rad) * self._counts_per_rad)))
 
     def __enter__(self) -> Self:
+        refuse(self._problems)
         self._axis.__enter__()
         return self
 
@@ -175,10 +188,7 @@ class SimulatedRotationMount:
         eccentricity_deg: float = 0.0,
         backlash_deg: float = 0.0,
     ) -> None:
-        if not time_scale > 0:
-            raise InputError(f"time_scale of the rotation mount is {time_scale}", expected="more than 0")
-        if not backlash_deg >= 0:
-            raise InputError(f"backlash_deg of the rotation mount is {backlash_deg}", expected="0 or more")
+        self._problems = [*above_zero(time_scale=time_scale), *zero_or_more(backlash_deg=backlash_deg)]
         channel = f"simulated-{next(_channels)}"
         self._mount = CanopenRotationMount(
             interface="virtual",
@@ -212,6 +222,16 @@ class SimulatedRotationMount:
         behind_play = 2 * pi * self.drive.shaft_counts / self._counts_per_turn
         return behind_play + self._eccentricity_rad * sin(behind_play)
 
+    def check(self) -> None:
+        """Refuse settings that no drive can have.
+
+        Raises
+        ------
+        InputError, InputErrors
+            Each setting, and what was expected.
+        """
+        refuse(self._problems, self._mount.problems())
+
     def inject(self, fault: Fault, *, at_deg: float | None = None) -> None:
         """Let something go wrong, now or when the encoder comes past an angle: see :data:`simulated_drive.Fault`."""
         self.drive.inject(fault, at_counts=None if at_deg is None else at_deg / 360 * self._counts_per_turn)
@@ -227,6 +247,7 @@ class SimulatedRotationMount:
         return self._mount.move_to(angle_rad)
 
     def __enter__(self) -> Self:
+        refuse(self._problems)
         with ExitStack() as stack:
             self.drive.start()
             stack.callback(self.drive.stop)

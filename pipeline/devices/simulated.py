@@ -13,11 +13,15 @@ from numpy.typing import NDArray
 from pipeline.data import GratingSample, Photo
 from pipeline.devices import protocols
 from pipeline.devices.virtual_sample import SampleUnderPanel
-from pipeline.errors import InputError, InputErrors
-from pipeline.optics.imaging import area_average, seen_by_lens, sensor_signal
+from pipeline.errors import InputError
+from pipeline.limits import above_zero, above_zero_up_to, at_least, found_by, refuse, within, zero_or_more
+from pipeline.optics.imaging import FINEST_PITCH_MM, area_average, seen_by_lens, sensor_signal
 
 DEEPEST_BITS = 24
 """A photograph's float32 tells no more steps apart."""
+
+LARGEST_WELL = 1e9
+"""Electrons beyond those of any sensor, which NumPy can still count."""
 
 View = Callable[[], NDArray[np.float32]]
 
@@ -34,6 +38,16 @@ class Panel:
     def __init__(self, *, radiance: float = 1.0) -> None:
         self.radiance = radiance
         self._on = False
+
+    def check(self) -> None:
+        """Refuse a panel that gives no light.
+
+        Raises
+        ------
+        InputError
+            Its setting, and what was expected.
+        """
+        refuse(above_zero(radiance=self.radiance))
 
     def switch(self, on: bool) -> None:
         """Turn the panel on or off."""
@@ -100,15 +114,22 @@ class Camera:
         self._view: View | None = None
         self._scene_pixel_mm = pixel_mm
 
-    def problems(self) -> list[InputError]:
-        """Settings that no camera can have, each with what would be right."""
-        above_zero = ("pixel_mm", "full_well_electrons", "exposure_s")
-        not_below = ("electrons", "read_noise_electrons", "blur_mm", "shift_px", "seed")
-        wrong = [(name, "a number above 0") for name in above_zero if getattr(self, name) <= 0]
-        wrong += [(name, "0 or more") for name in not_below if getattr(self, name) < 0]
-        if self.bits is not None and not 1 <= self.bits <= DEEPEST_BITS:
-            wrong.append(("bits", f"1 to {DEEPEST_BITS}, or null for no quantisation"))
-        return [InputError(f"{name} is {getattr(self, name):g}", where=name, expected=right) for name, right in wrong]
+    def check(self) -> None:
+        """Refuse settings that no camera can have.
+
+        Raises
+        ------
+        InputError, InputErrors
+            Each setting, and what was expected.
+        """
+        refuse(
+            at_least(FINEST_PITCH_MM, "the shortest wavelength of light", pixel_mm=self.pixel_mm),
+            above_zero_up_to(LARGEST_WELL, full_well_electrons=self.full_well_electrons, electrons=self.electrons),
+            above_zero(exposure_s=self.exposure_s),
+            zero_or_more(read_noise_electrons=self.read_noise_electrons, blur_mm=self.blur_mm),
+            zero_or_more(shift_px=self.shift_px, seed=self.seed),
+            within(1, DEEPEST_BITS, bits=self.bits),
+        )
 
     def look_at(self, view: View, scene_pixel_mm: float) -> None:
         """Stand before a scene, sampled at ``scene_pixel_mm``; ``view()`` is its radiance when asked.
@@ -223,22 +244,13 @@ class PolarizationBench:
 
         Raises
         ------
-        InputErrors
+        InputError, InputErrors
             All of them, each with its place.
         """
-        problems = [error.at("camera") for error in self.camera.problems()]
-        if self.light.radiance < 0:
-            problems.append(
-                InputError(f"radiance is {self.light.radiance:g}", where="light.radiance", expected="0 or more")
-            )
-        if self.wavelength_nm <= 0:
-            problems.append(
-                InputError(
-                    f"wavelength_nm is {self.wavelength_nm:g}", where="wavelength_nm", expected="a number above 0"
-                )
-            )
-        if problems:
-            raise InputErrors(problems)
+        refuse(
+            found_by({"camera": self.camera, "mount": self.mount, "light": self.light}),
+            above_zero(wavelength_nm=self.wavelength_nm),
+        )
 
     def __enter__(self) -> Self:
         for device in (self.camera, self.mount, self.light):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.limits import above_zero, refuse, within, zero_or_more
 from pipeline.optics.colour import Spectrum
 from pipeline.optics.gratings import Form, window_spread
 from pipeline.optics.sheet import aliasing, largest_half_vector, shade_rows, spectral_table
@@ -18,6 +19,9 @@ from pipeline.parallel import over_rows
 from pipeline.progress import advance
 
 Image = NDArray[np.float32]
+
+WAVELENGTH_STEPS_NM = (0.1, 100.0)
+"""Finer than any table of spectra; a handful of steps in the visible range."""
 
 _TOLERATED_ALIASING = 0.01
 _SHORT_WAVE_UM = 0.45
@@ -69,22 +73,24 @@ def check_lighting(
 
     Raises
     ------
-    InputError
+    InputError, InputErrors
         What is wrong, and under which setting.
     """
+    problems: list[InputError] = []
     if not lights_mm:
-        raise InputError("there is no light", where="lights_mm", expected="at least one place [x, y, z]")
+        problems.append(InputError("there is no light", where="lights_mm", expected="at least one place [x, y, z]"))
     places = {f"lights_mm[{index}]": light for index, light in enumerate(lights_mm)} | {"camera_mm": camera_mm}
     for where, place in places.items():
         if len(place) != 3 or not np.isfinite(place).all() or place[2] <= 0:
-            raise InputError(
-                f"{list(place)} is no place", where=where, expected="[x, y, z] in mm, z above the sheet's 0"
+            problems.append(
+                InputError(f"{list(place)} is no place", where=where, expected="[x, y, z] in mm, z above the sheet's 0")
             )
-    if light_sigma_mm < 0:
-        raise InputError(f"light_sigma_mm is {light_sigma_mm:g}", where="light_sigma_mm", expected="0 or more")
-    for name, value in (("coherence_um", coherence_um), ("wavelength_step_nm", wavelength_step_nm)):
-        if value <= 0:
-            raise InputError(f"{name} is {value:g}", where=name, expected="a number above 0")
+    refuse(
+        problems,
+        zero_or_more(light_sigma_mm=light_sigma_mm),
+        above_zero(coherence_um=coherence_um),
+        within(*WAVELENGTH_STEPS_NM, wavelength_step_nm=wavelength_step_nm),
+    )
 
 
 def render_sheet(

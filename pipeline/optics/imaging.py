@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 Image = NDArray[np.float32]
 
+FINEST_PITCH_MM = 0.00038
+"""The shortest visible wavelength: no lens in air resolves less."""
+
 
 def seen_by_lens(scene: Image, *, blur_px: float, shift_px: tuple[float, float] = (0.0, 0.0)) -> Image:
     """Blur a finely sampled scene by a Gaussian lens, and displace it by a fraction of its pixels.

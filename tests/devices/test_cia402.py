@@ -148,16 +148,19 @@ def test_threads_end_where_opening_fails() -> None:
 @pytest.mark.parametrize(
     ("wrong", "complaint"),
     [
-        ({"counts_per_turn": 0}, "counts_per_turn of the rotation mount is 0"),
-        ({"velocity_deg_s": -1.0}, "velocity_deg_s of the rotation mount is -1.0"),
-        ({"node_id": 128}, "node_id of the rotation mount is 128"),
-        ({"time_scale": 0.0}, "time_scale of the rotation mount is 0.0"),
-        ({"backlash_deg": -1.0}, "backlash_deg of the rotation mount is -1.0"),
+        ({"counts_per_turn": 0}, r"counts_per_turn is 0\s+where: +counts_per_turn\s+expected: a number above 0"),
+        ({"velocity_deg_s": -1.0}, r"velocity_deg_s is -1\s+where: +velocity_deg_s\s+expected: above 0, at most 4.29"),
+        ({"node_id": 128}, r"node_id is 128\s+where: +node_id\s+expected: 1 to 127"),
+        ({"time_scale": 0.0}, r"time_scale is 0\s+where: +time_scale\s+expected: a number above 0"),
+        ({"backlash_deg": -1.0}, r"backlash_deg is -1\s+where: +backlash_deg\s+expected: 0 or more"),
     ],
 )
 def test_senseless_settings_are_refused(wrong: dict[str, float], complaint: str) -> None:
+    mount = SimulatedRotationMount(**wrong)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=complaint):
-        SimulatedRotationMount(**wrong)  # type: ignore[arg-type]
+        mount.check()
+    with pytest.raises(InputError, match=complaint), mount:
+        pass
 
 
 def test_an_unknown_interface_is_found_before_anything_runs() -> None:

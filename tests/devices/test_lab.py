@@ -15,7 +15,7 @@ from pipeline.data import GratingSample, Photo
 from pipeline.devices.gphoto_camera import GphotoCamera
 from pipeline.devices.lab import ManualLight, PolarizationBench
 from pipeline.devices.protocols import Camera, Light, PolarizationRig
-from pipeline.devices.rotation_mount import SimulatedRotationMount
+from pipeline.devices.rotation_mount import CanopenRotationMount, SimulatedRotationMount
 from pipeline.errors import DeviceError, InputError, InputErrors
 from pipeline.optics.angles import axial_difference
 from pipeline.stages.capture.polarizer_sequence import polarizer_sequence
@@ -160,6 +160,23 @@ def test_all_that_devices_miss_is_found_before_anything_runs(monkeypatch: pytest
     with pytest.raises(InputErrors, match="gphoto2") as caught:
         bench.check()
     assert [error.what for error in caught.value.errors][1:] == ["the mount is set to no bus"]
+    assert [error.where for error in caught.value.errors] == ["camera", "mount"]
+
+
+def test_sizes_that_nothing_has_are_found_beside_what_devices_miss() -> None:
+    mount = CanopenRotationMount(heartbeat_s=100.0, tolerance_deg=-1.0)
+    bench = PolarizationBench(
+        camera=GphotoCamera(wait_ms=0), mount=mount, light=ManualLight(), wavelength_nm=-530.0, pixel_mm=0.0
+    )
+    with pytest.raises(InputErrors, match="wait_ms is 0") as caught:
+        bench.check()
+    assert [error.where for error in caught.value.errors] == [
+        "camera: wait_ms",
+        "mount: tolerance_deg",
+        "mount: heartbeat_s",
+        "wavelength_nm",
+        "pixel_mm",
+    ]
 
 
 def test_a_light_switched_by_hand_is_noted(caplog: pytest.LogCaptureFixture) -> None:

@@ -148,8 +148,8 @@ def test_saturated_pixels_are_left_out_and_told(photos: Path, caplog: pytest.Log
     caplog.clear()
     replay(photos, saturation_warning=0.05)
     assert "psi_045.tif" not in caplog.text
-    with pytest.raises(ValueError, match=r"saturation_warning is 5, expected a share"):
-        PhotoFolder(folder=photos, saturation_warning=5)
+    with pytest.raises(InputError, match=r"saturation_warning is 5[\s\S]*expected: 0 to 1"):
+        PhotoFolder(folder=photos, saturation_warning=5).check()
 
 
 def test_colour_photographs(photos: Path) -> None:

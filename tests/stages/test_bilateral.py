@@ -130,5 +130,5 @@ def test_a_fitted_scene_comes_closer_to_the_truth(caplog):
 
 @pytest.mark.parametrize("setting", ["sigma_pixel", "sigma_theta_deg", "iterations", "pivot_radius"])
 def test_widths_below_zero_are_refused(setting):
-    with pytest.raises(InputError, match="is negative or zero"):
+    with pytest.raises(InputError, match=rf"{setting} is -1\s+where: +{setting}\s+expected: "):
         bilateral(orientation_map(np.ones((3, 3))), **{setting: -1})

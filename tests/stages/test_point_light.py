@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
 from dataclasses import replace
 
@@ -226,11 +227,14 @@ def test_a_step_too_coarse_for_the_lobes_is_warned_of(caplog: pytest.LogCaptureF
         ("camera_mm", [0.0, 0.0, 0.0], "camera_mm"),
         ("light_sigma_mm", -1.0, "0 or more"),
         ("coherence_um", 0.0, "above 0"),
-        ("wavelength_step_nm", 0.0, "above 0"),
+        ("wavelength_step_nm", 0.0, "0.1 to 100"),
     ],
 )
 def test_impossible_lighting_is_refused(stage, setting: str, value, message: str) -> None:
-    good = {**SMALL, "lights_mm": [light(0.0)], "wavelength_step_nm": 5.0, "bits": 14}
+    defaults = {
+        n: p.default for n, p in inspect.signature(stage.point_light).parameters.items() if p.kind == p.KEYWORD_ONLY
+    }
+    good = {**defaults, **SMALL, "lights_mm": [light(0.0)]}
     stage._check_point_light(**good)
     with pytest.raises(InputError, match=message):
         stage._check_point_light(**{**good, setting: value})

@@ -86,9 +86,17 @@ def test_a_photographed_scene_is_within_three_percent():
     assert metrics["period_error_mean_percent"] == pytest.approx(100 * np.nanmean(by_hand), rel=1e-4)
 
 
-@pytest.mark.parametrize("settings", [{"longest_um": 0.0}, {"shortest_um": 2.0}, {"shortest_um": -1.0}])
-def test_impossible_periods_are_refused(settings):
-    with pytest.raises(InputError, match="periods must be positive and the shortest below the longest"):
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"longest_um": 0.0}, "longest_um is 0"),
+        ({"shortest_um": 2.0}, r"shortest_um is 2[\s\S]*expected: below longest_um, 1.4"),
+        ({"shortest_um": -1.0}, "shortest_um is -1"),
+        ({"percentile": 101.0}, r"percentile is 101[\s\S]*at most 100"),
+    ],
+)
+def test_impossible_periods_are_refused(settings, message):
+    with pytest.raises(InputError, match=message):
         relative_period(brightness(np.ones((4, 4))), **settings)
 
 

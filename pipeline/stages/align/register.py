@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.data import SIMULTANEOUS, BoolArray, PolarizerSequence
+from pipeline.limits import above_zero, refuse, zero_or_more
 from pipeline.optics.registration import Shifts, coarse_shift, edge_image, edge_shifts
 from pipeline.optics.translation import quintic_coefficients, sample_translated
 from pipeline.parallel import over_rows
@@ -57,7 +58,13 @@ def register(
     -------
     PolarizerSequence
         The same photographs in the frame of the first.
+
+    Raises
+    ------
+    InputError
+        A shift is negative, or ``largest_shift_px`` zero.
     """
+    _check_register(largest_shift_px=largest_shift_px, least_shift_px=least_shift_px)
     if method == "none" or len(photos.images) < 2:
         return photos
     if photos.metadata.get(SIMULTANEOUS) == "yes":
@@ -74,6 +81,11 @@ def register(
     shifts = _estimate(method, images, coefficients, photos.valid, largest_shift_px)
     moved = _believed(shifts, photos, largest_shift_px, least_shift_px)
     return _resampled(photos, coefficients, shifts.shift_px, moved)
+
+
+def _check_register(*, largest_shift_px: float, least_shift_px: float, **_: object) -> None:
+    """Refuse impossible shifts before anything runs."""
+    refuse(above_zero(largest_shift_px=largest_shift_px), zero_or_more(least_shift_px=least_shift_px))
 
 
 def _finite(image: Float32Array) -> Float32Array:

@@ -7,9 +7,11 @@ from typing import Literal
 import numpy as np
 
 from pipeline.data import GratingSample, PictureSeries
+from pipeline.devices.simulated import DEEPEST_BITS, LARGEST_WELL
 from pipeline.devices.virtual_light import Lighting, check_lighting, render_supersampled, white_level
 from pipeline.errors import InputError
-from pipeline.optics.imaging import area_average, seen_by_lens, sensor_signal
+from pipeline.limits import above_zero_up_to, at_least, refuse, within, zero_or_more
+from pipeline.optics.imaging import FINEST_PITCH_MM, area_average, seen_by_lens, sensor_signal
 
 
 def point_light(
@@ -119,9 +121,21 @@ def _check_point_light(
     light_sigma_mm: float,
     coherence_um: float,
     wavelength_step_nm: float,
+    pixel_mm: float,
+    blur_mm: float,
+    full_well_electrons: float,
+    read_noise_electrons: float,
+    bits: int,
+    seed: int,
     **_: object,
 ) -> None:
-    """Refuse impossible places and sizes before anything runs."""
+    """Refuse impossible places, sizes and sensors before anything runs."""
+    refuse(
+        at_least(FINEST_PITCH_MM, "the shortest wavelength of light", pixel_mm=pixel_mm),
+        above_zero_up_to(LARGEST_WELL, full_well_electrons=full_well_electrons),
+        zero_or_more(blur_mm=blur_mm, read_noise_electrons=read_noise_electrons, seed=seed),
+        within(1, DEEPEST_BITS, bits=bits),
+    )
     check_lighting(
         lights_mm=lights_mm,
         camera_mm=camera_mm,

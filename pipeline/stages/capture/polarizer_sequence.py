@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pipeline.data import FloatArray, GratingSample, PolarizerPhoto, PolarizerSequence
 from pipeline.devices.protocols import PolarizationRig
 from pipeline.errors import InputError
+from pipeline.limits import at_least, refuse
 from pipeline.progress import advance
 from pipeline.steps import step
 
@@ -115,6 +116,8 @@ def _take(rig: PolarizationRig, angle_rad: float) -> PolarizerPhoto:
 
 def _check_polarizer_sequence(*, rig: PolarizationRig, count: int, span_deg: float) -> None:
     """Refuse what could not be fitted, before anything runs."""
+    if rig.mount.stops_rad is None:
+        refuse(at_least(LEAST_ANGLES, "as many as there are unknowns", count=count))
     _stops(rig, count, span_deg)
 
 
@@ -128,6 +131,7 @@ def _stops(rig: PolarizationRig, count: int, span_deg: float) -> NDArray[np.floa
     if distinct < LEAST_ANGLES:
         raise InputError(
             f"{len(stops)} photographs at {distinct} distinct angles of the polariser",
+            where="count, span_deg" if fixed is None else "",
             expected=f"at least {LEAST_ANGLES} angles that differ modulo 180 degrees",
         )
     design = np.stack([np.ones(len(stops)), np.cos(2 * stops), np.sin(2 * stops)], axis=1)

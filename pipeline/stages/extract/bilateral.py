@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import OrientationMap
-from pipeline.errors import InputError
+from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
 from pipeline.optics.angles import wrap_axial
 from pipeline.optics.bilateral import average_rows, pivot_rows
 from pipeline.parallel import over_rows
@@ -66,13 +66,19 @@ def bilateral(
     OrientationMap
         With the same mask, correlation and intensity.
 
+    Raises
+    ------
+    InputError, InputErrors
+        A width is not above 0, or a radius or count below it.
+
     References
     ----------
     Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
     section 6.2.
     """
-    if sigma_pixel <= 0 or sigma_theta_deg <= 0 or iterations < 0 or pivot_radius < 0:
-        raise InputError("a width, radius or count of the bilateral filter is negative or zero", expected="more than 0")
+    _check_bilateral(
+        sigma_pixel=sigma_pixel, sigma_theta_deg=sigma_theta_deg, iterations=iterations, pivot_radius=pivot_radius
+    )
     theta = np.where(orientation.mask, orientation.orientation_rad, np.float32(np.nan))
     known = np.isfinite(theta)
     doubled = np.where(known, 2 * theta, np.float32(0)).astype(np.float32)
@@ -93,6 +99,17 @@ def bilateral(
     smooth = wrap_axial(np.arctan2(vector[1], vector[0]) / 2).astype(np.float32)
     smooth[smooth >= np.float32(np.pi)] = 0
     return dataclasses.replace(orientation, orientation_rad=np.where(known, smooth, np.float32(np.nan)))
+
+
+def _check_bilateral(
+    *, sigma_pixel: float, sigma_theta_deg: float, iterations: int, pivot_radius: int, **_: object
+) -> None:
+    """Refuse impossible widths and counts before anything runs."""
+    refuse(
+        above_zero(sigma_pixel=sigma_pixel),
+        above_zero_up_to(90, sigma_theta_deg=sigma_theta_deg),
+        zero_or_more(iterations=iterations, pivot_radius=pivot_radius),
+    )
 
 
 def _iterated(

@@ -11,6 +11,7 @@ from scipy.signal import find_peaks
 
 from pipeline.data import OrientationMap, PeriodMap
 from pipeline.errors import InputError
+from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
 from pipeline.optics.median import median_rows
 from pipeline.parallel import over_rows
 
@@ -56,15 +57,19 @@ def relative_period(
     PeriodMap
         Relative: its scale was given.
 
+    Raises
+    ------
+    InputError, InputErrors
+        Impossible settings, or no pixel that diffracts.
+
     References
     ----------
     Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
     section 5.4, eq. 11.
     """
-    if longest_um <= 0 or (shortest_um is not None and not 0 < shortest_um < longest_um):
-        raise InputError(
-            "periods must be positive and the shortest below the longest", expected="0 < shortest < longest"
-        )
+    _check_relative_period(
+        longest_um=longest_um, shortest_um=shortest_um, percentile=percentile, median_radius=median_radius
+    )
     mask = orientation.mask & np.isfinite(orientation.intensity)
     if not mask.any():
         raise InputError("no pixel diffracts", expected="an orientation map with pixels inside its mask")
@@ -79,6 +84,20 @@ def relative_period(
         period = np.maximum(period, 0)
     period = np.where(mask, period, np.nan).astype(np.float32)
     return PeriodMap(period, mask, orientation.pixel_mm, relative=True)
+
+
+def _check_relative_period(
+    *, longest_um: float, shortest_um: float | None, percentile: float, median_radius: int
+) -> None:
+    """Refuse impossible periods before anything runs."""
+    problems = above_zero(longest_um=longest_um, shortest_um=shortest_um)
+    if shortest_um is not None and not problems and shortest_um >= longest_um:
+        problems.append(
+            InputError(
+                f"shortest_um is {shortest_um:g}", where="shortest_um", expected=f"below longest_um, {longest_um:g}"
+            )
+        )
+    refuse(problems, above_zero_up_to(100, percentile=percentile), zero_or_more(median_radius=median_radius))
 
 
 def _median(values: Float32Array, mask: NDArray[np.bool_], radius: int) -> Float32Array:

@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from pipeline.data import OrientationMap, PeriodMap, PictureSeries
 from pipeline.errors import InputError
+from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within, zero_or_more
 from pipeline.optics.angles import axial_difference, wrap_axial
 from pipeline.optics.glint import glint, half_vectors
 from pipeline.optics.gratings import window_spread
@@ -22,6 +23,7 @@ Float64Array = NDArray[np.float64]
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _PEAKS_APART_DEG = 10.0
+_LEAST_SAMPLES = 10
 
 
 def offset(
@@ -82,6 +84,14 @@ def offset(
     Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
     sections 4.3 and 5.3.
     """
+    _check_offset(
+        light_sigma_mm=light_sigma_mm,
+        coherence_um=coherence_um,
+        step_deg=step_deg,
+        samples=samples,
+        least_score=least_score,
+        least_margin=least_margin,
+    )
     if known_deg is not None:
         _log.info("Orientation made absolute: offset %.2f deg, as given.", known_deg)
         return dataclasses.replace(
@@ -95,7 +105,7 @@ def offset(
     )
     target = np.sqrt(np.maximum(observed, 0))
     usable = np.hypot(half[..., 0], half[..., 1]) > 4 * spread
-    if usable.sum() < 10 or np.ptp(target[usable]) == 0:
+    if usable.sum() < _LEAST_SAMPLES or np.ptp(target[usable]) == 0:
         raise InputError(
             "the photographs show nothing that depends on the orientation",
             expected="a light away from the mirror direction, and pixels that differ in brightness",
@@ -128,6 +138,26 @@ def offset(
     else:
         _log.warning("The offset is ambiguous and the map stays relative: %s.", report)
     return dataclasses.replace(orientation, orientation_rad=_turned(orientation, found), absolute=bool(clear))
+
+
+def _check_offset(
+    *,
+    light_sigma_mm: float,
+    coherence_um: float,
+    step_deg: float,
+    samples: int,
+    least_score: float,
+    least_margin: float,
+    **_: object,
+) -> None:
+    """Refuse impossible sizes and correlations before anything runs."""
+    refuse(
+        zero_or_more(light_sigma_mm=light_sigma_mm),
+        above_zero(coherence_um=coherence_um),
+        above_zero_up_to(_PEAKS_APART_DEG, step_deg=step_deg),
+        at_least(_LEAST_SAMPLES, "fewer give no correlation", samples=samples),
+        within(0, 1, least_score=least_score, least_margin=least_margin),
+    )
 
 
 def _turned(orientation: OrientationMap, by_rad: float) -> NDArray[np.float32]:

@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.data import OrientationMap, PeriodMap, PictureSeries
 from pipeline.devices.virtual_light import Lighting, check_lighting, render_sheet, white_level
 from pipeline.errors import InputError
+from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
 
 _log = logging.getLogger(__name__)
 
@@ -119,9 +120,17 @@ def _check_point_light(
     light_sigma_mm: float,
     coherence_um: float,
     wavelength_step_nm: float,
+    depth_um: float,
+    width_mm: float,
+    white_percentile: float,
     **_: object,
 ) -> None:
     """Refuse impossible places and sizes before anything runs."""
+    refuse(
+        zero_or_more(depth_um=depth_um),
+        above_zero(width_mm=width_mm),
+        above_zero_up_to(100, white_percentile=white_percentile),
+    )
     check_lighting(
         lights_mm=lights_mm,
         camera_mm=camera_mm,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.data import GratingSample
 from pipeline.errors import InputError
+from pipeline.limits import above_zero, refuse, zero_or_more
 
 DESIGN_RADIUS_MM = 7.5
 LARGEST_SIDE = 20_000
@@ -69,7 +70,15 @@ def logo(
     InputError
         Not three periods above 0, the longest first; no width, a negative margin, or a map too large to draw.
     """
-    _check_logo(width_mm=width_mm, margin_mm=margin_mm, pixel_mm=pixel_mm, periods_um=periods_um)
+    _check_logo(
+        width_mm=width_mm,
+        margin_mm=margin_mm,
+        pixel_mm=pixel_mm,
+        periods_um=periods_um,
+        depth_um=depth_um,
+        amplitude_ratio=amplitude_ratio,
+        ground_reflectance=ground_reflectance,
+    )
     side = round((width_mm + 2 * margin_mm) / pixel_mm)
     scale = width_mm / (2 * DESIGN_RADIUS_MM)
     orientation = np.full((side, side), np.nan, np.float32)
@@ -93,18 +102,27 @@ def logo(
 
 
 def _check_logo(
-    *, width_mm: float, margin_mm: float, pixel_mm: float, periods_um: tuple[float, ...], **_: object
+    *,
+    width_mm: float,
+    margin_mm: float,
+    pixel_mm: float,
+    periods_um: tuple[float, ...],
+    depth_um: float,
+    amplitude_ratio: float,
+    ground_reflectance: float,
+    **_: object,
 ) -> None:
     """Refuse what cannot be drawn, before anything runs."""
+    problems = []
     if len(periods_um) != 3 or max(periods_um) != periods_um[0] or min(periods_um) <= 0:
-        raise InputError(
-            f"periods_um is {list(periods_um)}", where="periods_um", expected="three periods above 0, the longest first"
-        )
-    for name, value in (("width_mm", width_mm), ("pixel_mm", pixel_mm)):
-        if value <= 0:
-            raise InputError(f"{name} is {value:g}", where=name, expected="a number above 0")
-    if margin_mm < 0:
-        raise InputError(f"margin_mm is {margin_mm:g}", where="margin_mm", expected="0 or more")
+        right = "three periods above 0, the longest first"
+        problems.append(InputError(f"periods_um is {list(periods_um)}", where="periods_um", expected=right))
+    refuse(
+        problems,
+        above_zero(width_mm=width_mm, pixel_mm=pixel_mm),
+        zero_or_more(margin_mm=margin_mm, depth_um=depth_um, amplitude_ratio=amplitude_ratio),
+        zero_or_more(ground_reflectance=ground_reflectance),
+    )
     side = (width_mm + 2 * margin_mm) / pixel_mm
     if not 1 <= side <= LARGEST_SIDE:
         raise InputError(
