@@ -86,9 +86,9 @@ def digest(value: object) -> str:
 
 def _feed(value: Any, update: Callable[[bytes], None], path: str) -> None:
     """Write the canonical form; every item carries its type and length, so that none can pose as another."""
-    if hasattr(value, "dtype") and getattr(value, "shape", None) == ():
-        value = value.item()
-    if value is None:
+    if isinstance(value, str):
+        _sized(b"d" if isinstance(value, Digest) else b"s", value.encode("utf-8", "surrogatepass"), update)
+    elif value is None:
         update(b"N")
     elif isinstance(value, bool):
         update(b"T" if value else b"F")
@@ -96,10 +96,10 @@ def _feed(value: Any, update: Callable[[bytes], None], path: str) -> None:
         _sized(b"i", str(int(value)).encode(), update)
     elif isinstance(value, float):
         update(b"f" + (_CANONICAL_NAN if math.isnan(value) else struct.pack(">d", value)))
-    elif isinstance(value, Digest):
-        _sized(b"d", str(value).encode(), update)
-    elif isinstance(value, str):
-        _sized(b"s", value.encode("utf-8", "surrogatepass"), update)
+    elif isinstance(value, dict):
+        _feed_mapping(value, update, path)
+    elif getattr(value, "shape", None) == () and type(inner := value.item()) is not type(value):
+        _feed(inner, update, path)
     elif isinstance(value, bytes):
         _sized(b"b", value, update)
     elif isinstance(value, list | tuple):

@@ -167,7 +167,7 @@ class Store:
         description, arrays = content_of(value)
         artifact = digest_of(description)
         target = self.object_folder(artifact)
-        if is_whole(target):
+        if target.is_dir() and is_whole(target):
             self._push(artifact)
             return artifact
         temporary = self.root / f"objects/.{uuid.uuid4().hex}"

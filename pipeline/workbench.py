@@ -7,8 +7,8 @@ import platform
 import threading
 import time
 import traceback
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack, nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
@@ -115,13 +115,14 @@ class Workbench:
         values = input_values(self.store, inputs)
         said = Messages()
         journal = self.store.journal(key) if node.is_source else None
-        with ExitStack() as stack:
-            stack.enter_context(keeping(journal))
-            stack.enter_context(_share_of_cores(self.cores or cores()))
-            stack.enter_context(said)
-            stack.enter_context(listening(lambda done, total: self.listener.advanced(node.name, done, total)))
-            memory = stack.enter_context(PeakMemory())
-            cpu_seconds = stack.enter_context(cpu_meter())
+        with (
+            keeping(journal),
+            _share_of_cores(self.cores or cores()),
+            said,
+            listening(lambda done, total: self.listener.advanced(node.name, done, total)),
+            PeakMemory() as memory,
+            cpu_meter() as cpu_seconds,
+        ):
             start = time.perf_counter()
             value = call_stage(node, values)
             seconds = time.perf_counter() - start
@@ -220,18 +221,16 @@ def build_device(recipe: DeviceRecipe) -> Any:
         raise InputError(f"{recipe.entry.name}: {error}") from error
 
 
-def _share_of_cores(available: int) -> ExitStack:
+@contextmanager
+def _share_of_cores(available: int) -> Iterator[None]:
     """Give a stage the cores that its neighbours in this process leave."""
     global _active  # noqa: PLW0603 - counts the stages of the whole process
-    stack = ExitStack()
     with _active_guard:
         _active += 1
-        stack.enter_context(thread_budget(available // _active))
-
-    def leave() -> None:
-        global _active  # noqa: PLW0603
+        share = available // _active
+    try:
+        with thread_budget(share):
+            yield
+    finally:
         with _active_guard:
             _active -= 1
-
-    stack.callback(leave)
-    return stack
