@@ -174,8 +174,16 @@ class Run:
             return ""
         return os.path.relpath(self.store.location, self.path.absolute())
 
+    def _same_values(self) -> bool:
+        """Whether the manifest that lies there names the values of this run."""
+        try:
+            before = open_run(self.path)
+        except PipelineError:
+            return False
+        return {n.name: n.artifact for n in before.nodes.values()} == {n.name: n.artifact for n in self.nodes.values()}
+
     def save(self) -> None:
-        """Write ``manifest.json`` and ``config.yaml``."""
+        """Write ``manifest.json`` and ``config.yaml``; a report of other values goes first."""
         content = {
             "format": FORMAT,
             "experiment": self.name,
@@ -195,6 +203,8 @@ class Run:
         nodes = (json.dumps({**vars(node), "written": sorted(node.written)}) for node in self.nodes.values())
         lines = [*(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in content.items())]
         lines.append('"nodes": [\n' + ",\n".join(nodes) + "\n]")
+        if self.report.is_file() and not self._same_values():
+            self.report.unlink(missing_ok=True)
         write_text(self.path / "config.yaml", self.config_yaml)
         write_text(self.path / MANIFEST, sealed("{" + ",\n".join(lines) + "}"))
 

@@ -164,3 +164,20 @@ def test_a_lost_listing_of_code_is_written_again(toys: Toys) -> None:
     run.store.provenance_file(listing).write_text("{")
     toys.run("graph.big.factor=4")
     assert toys.load().store.provenance(listing)
+
+
+def test_a_report_of_older_values_does_not_outlive_a_run_that_died_before_its_own(
+    toys: Toys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    toys.run()
+    toys.helper.write_text(toys.helper.read_text().replace("array * factor", "array * factor + 1"))
+
+    def die(run: pipeline.Run) -> None:
+        raise SystemExit("killed")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pipeline.report.write", die)
+        with pytest.raises(SystemExit, match="killed"):
+            toys.run()
+    monkeypatch.setattr("pipeline.report.write", lambda run: run.report.write_text(f"big {run['big'].period_um[0, 0]}"))
+    assert toys.run().report.read_text() == "big 4.0"
