@@ -198,7 +198,7 @@ class OnCluster:
                 n_workers=self.workers,
                 threads_per_worker=1,
                 memory_limit=0,
-                dashboard_address=":0" if self.dashboard else None,
+                dashboard_address=":0",
                 silence_logs=50,
             ) as cluster,
             Client(cluster) as client,
