@@ -77,7 +77,7 @@ def is_whole(folder: Path) -> bool:
         return False
 
 
-def read_artifact(folder: Path, types: Mapping[str, type], *, verify: bool) -> Any:
+def read_artifact(folder: Path, types: Mapping[str, type], *, artifact: str | None = None) -> Any:
     """The value in a folder, its arrays memory-mapped and read-only.
 
     Parameters
@@ -86,8 +86,8 @@ def read_artifact(folder: Path, types: Mapping[str, type], *, verify: bool) -> A
         The artifact.
     types : mapping of str to type
         The classes that a value may have; no other is looked for.
-    verify : bool
-        Whether to check every array against its digest, which reads it.
+    artifact : str, optional
+        Digest that the value must have; all is read to check it. Without, nothing is checked but forms and sizes.
 
     Raises
     ------
@@ -106,12 +106,15 @@ def read_artifact(folder: Path, types: Mapping[str, type], *, verify: bool) -> A
             raise DamagedArtifact(f"{folder / name} cannot be read: {error}") from None
         if array.dtype.str != entry["dtype"] or list(array.shape) != entry["shape"]:
             raise DamagedArtifact(f"{folder / name} is not the array that {META} describes")
-        if verify and digest_array(array) != entry["digest"]:
+        if artifact is not None and digest_array(array) != entry["digest"]:
             raise DamagedArtifact(f"{folder / name} has changed since it was written")
         return array
 
     try:
-        return _rebuild(read_description(folder), types, load, folder)
+        description = read_description(folder)
+        if artifact is not None and digest_of(description) != artifact:
+            raise DamagedArtifact(f"{folder} is not the value of its name")
+        return _rebuild(description, types, load, folder)
     except _MALFORMED as error:
         raise DamagedArtifact(f"{folder / META} is not what this version writes: {error!r}") from None
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from pipeline.artifact import DamagedArtifact, content_of, read_artifact, write_artifact
+from pipeline.artifact import DamagedArtifact, content_of, digest_of, read_artifact, write_artifact
 from pipeline.files import sync
 
 T = TypeVar("T")
@@ -21,7 +21,7 @@ class Journal:
     Parameters
     ----------
     folder : Path
-        One folder below it for each step.
+        One folder below it for each step, named by its number and the digest of its value.
     types : mapping of str to type
         Classes that a step's value may have.
     """
@@ -33,24 +33,26 @@ class Journal:
 
     def step(self, index: int, take: Callable[[], T]) -> T:
         """The value of a step: as it was kept, or taken now and kept; on the disk when this returns."""
-        target = self.folder / f"{index:04d}"
-        try:
-            value: T = read_artifact(target, self.types, verify=True)
-        except DamagedArtifact:
-            shutil.rmtree(target, ignore_errors=True)
-        else:
-            self.recalled += 1
-            return value
+        for folder in self.folder.glob(f"{index:04d}-*"):
+            try:
+                value: T = read_artifact(folder, self.types, artifact=folder.name.partition("-")[2])
+            except DamagedArtifact:
+                shutil.rmtree(folder, ignore_errors=True)
+            else:
+                self.recalled += 1
+                return value
         value = take()
+        description, arrays = content_of(value)
         temporary = self.folder / f".{uuid.uuid4().hex}"
         temporary.mkdir(parents=True)
         try:
-            write_artifact(temporary, *content_of(value))
+            write_artifact(temporary, description, arrays)
             sync(temporary)
-            os.rename(temporary, target)
+            os.rename(temporary, self.folder / f"{index:04d}-{digest_of(description)}")
             sync(self.folder)
-        finally:
+        except BaseException:
             shutil.rmtree(temporary, ignore_errors=True)
+            raise
         return value
 
     def discard(self) -> None:

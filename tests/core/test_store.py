@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from toys import Toys
 
-from pipeline.artifact import META, DamagedArtifact
+from pipeline.artifact import META, DamagedArtifact, digest_of, read_description
 from pipeline.data import Metrics, PeriodMap, PolarizerSequence
 from pipeline.errors import PipelineError
 from pipeline.store import Store
@@ -120,9 +120,12 @@ def test_a_hostile_description_is_refused(tmp_path: Path, change: object, messag
 
 
 def test_only_classes_of_values_are_built(tmp_path: Path) -> None:
-    digest = Store(tmp_path).put(a_map())
-    meta = Store(tmp_path).object_folder(digest) / META
-    meta.write_text(meta.read_text().replace('"PeriodMap"', '"Popen"'))
+    store = Store(tmp_path)
+    written = store.object_folder(store.put(a_map()))
+    (written / META).write_text((written / META).read_text().replace('"PeriodMap"', '"Popen"'))
+    digest = digest_of(read_description(written))
+    store.object_folder(digest).parent.mkdir(exist_ok=True)
+    written.rename(store.object_folder(digest))
     with pytest.raises(DamagedArtifact, match="'Popen', which is no type of value"):
         Store(tmp_path).get(digest)
 
