@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import os
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -45,6 +46,13 @@ def make(*, label: str, size: int = 8, seed: int = 0, ms: float = 0.3) -> Photo:
     """Make a map."""
     note(label)
     return made(size, seed, ms)
+
+
+def read(*, label: str, table: Path) -> Photo:
+    """Read a map from a file."""
+    note(label)
+    values = np.loadtxt(table, np.float32)
+    return Photo(values, values > 0.9)
 
 
 def blend(maps: list[Photo], *, label: str, size: int = 8, seed: int = 0, ms: float = 0.3) -> Photo:
@@ -76,6 +84,15 @@ GRAPH = {
     "evaluate": {"stage": "drill.mean", "maps": ["rough", "small", "whole"], "ms": 1},
 }
 
+WITH_TABLE = {
+    "plain": {"stage": "drill.make", "size": 20, "seed": 1},
+    "both": {"stage": "drill.blend", "maps": ["read", "plain"], "size": 30, "seed": 2},
+    "later": {"stage": "drill.blend", "maps": ["both"], "seed": 3},
+    "fit": {"stage": "drill.mean", "maps": ["both", "later"]},
+    "evaluate": {"stage": "drill.mean", "maps": ["read", "later"]},
+}
+"""What follows a map that is read from a file."""
+
 
 class Workshop:
     """The package, an experiment and a folder for results."""
@@ -85,6 +102,7 @@ class Workshop:
         self.configs = folder / "configs"
         self.runs = folder / "runs"
         self.diary = folder / "diary.txt"
+        self.table = folder / "table.txt"
 
     def write(self) -> Self:
         stages = self.folder / "drillbench" / "stages" / "drill"
@@ -97,6 +115,8 @@ class Workshop:
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: drillbench\nVersion: 1.0\n")
         (info / "entry_points.txt").write_text("[pipeline.stages]\ndrill = drillbench.stages\n")
         self.experiment("drill", GRAPH)
+        self.table.write_text("0.25 0.5 0.75\n")
+        self.experiment("table", {"read": {"stage": "drill.read", "table": str(self.table)}, **WITH_TABLE})
         return self
 
     def experiment(self, name: str, graph: Mapping[str, Mapping[str, Any]]) -> None:
