@@ -54,6 +54,15 @@ def test_the_torch_fixes_the_offset_that_polarisation_leaves_open(default: Run) 
     assert abs(np.rad2deg(np.nanmedian(error))) < 1.0
 
 
+def test_the_map_that_claims_to_be_absolute_is_judged_as_such(default: Run) -> None:
+    own = "absolute_error.orientation_error_mean_deg"
+    assert default["absolute_error"].offset_rad == 0
+    assert default.metrics[own] <= 1.0
+    assert default.metrics[own] != default.metrics["orientation_error_mean_deg"]
+    left = default.metrics["absolute_error.offset_deg"]
+    assert min(left, 180 - left) < 0.5
+
+
 def test_the_rendering_is_what_the_torch_shows(default: Run) -> None:
     photographed, rendered = default["torch"].rgb, np.clip(default["rendering"].rgb, 0, 1)
     for photo, picture in zip(photographed, rendered, strict=True):
@@ -81,7 +90,8 @@ def test_exported_photographs_are_the_same_photographs(results: Path, tmp_path: 
     replayed = run(results, "rig=replay", f"rig.folder={folder}")
     assert replayed.nodes["photos"].artifact == captured.nodes["photos"].artifact
     assert {replayed.nodes[n].status for n in ("aligned", "fit", "smooth", "period")} == {"cached"}
-    assert replayed.nodes["evaluate"].status == "absent"
+    assert {replayed.nodes[n].status for n in ("evaluate", "absolute_error", "period_error")} == {"absent"}
+    assert "logo, 15 mm wide, lies" not in replayed.description
     assert "orientation_error_mean_deg" not in replayed.metrics
     assert "correlation_mean" in replayed.metrics
 

@@ -65,7 +65,7 @@ class PhotoFolder:
     ) -> None:
         self._folder = Path(folder)
         self._channel = channel
-        self._saturation_warning = saturation_warning
+        self.saturation_warning = saturation_warning
         self._demosaic = demosaic
         self._wavelength_nm = wavelength_nm
         self._pixel_mm = pixel_mm
@@ -144,7 +144,7 @@ class PhotoFolder:
         """
         refuse(
             above_zero(wavelength_nm=self._wavelength_nm, pixel_mm=self._pixel_mm),
-            within(0, 1, saturation_warning=self._saturation_warning),
+            within(0, 1, saturation_warning=self.saturation_warning),
         )
         check_recording(self.recording)
 
@@ -191,7 +191,7 @@ class PhotoFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        above = {name: share for name, share in self._saturated.items() if share > self._saturation_warning}
+        above = {name: share for name, share in self._saturated.items() if share > self.saturation_warning}
         if above:
             shares = ", ".join(f"{name} {100 * share:.2g} %" for name, share in above.items())
             log.warning("saturated pixels, which are left out: %s", shares)

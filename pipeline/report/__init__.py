@@ -10,12 +10,15 @@ if TYPE_CHECKING:
 
 
 def write(run: RunView) -> Path:
-    """Write ``report.html`` into the run's folder and return its path."""
+    """Write ``report.html`` into the run's folder, its charts as SVG files into ``outputs/``, and return its path."""
     from pipeline.files import write_text
-    from pipeline.report.page import page
+    from pipeline.report.outputs import write_charts
+    from pipeline.report.page import draw, page
 
+    drawing = draw(run)
+    write_charts(run.path / "outputs", {section.node.name: section.figures for section in drawing.sections})
     path = run.path / "report.html"
-    write_text(path, page(run))
+    write_text(path, page(run, drawing))
     return path
 
 

@@ -38,7 +38,9 @@ def figures_of(value: object, pixel_mm: float | None = None) -> list[Figure]:
 
 
 def _orientation(value: OrientationMap, pixel_mm: float | None) -> list[Figure]:
-    known = "absolute" if value.absolute else "known up to one offset, the same everywhere"
+    known = (
+        "absolute" if value.absolute else "known up to one offset, the same everywhere, which polarisation leaves open"
+    )
     shape, masked = value.mask.shape, 100 * (1 - float(np.mean(value.mask)))
     correlation = value.correlation[value.mask & np.isfinite(value.correlation)]
     low = min(float(np.percentile(correlation, 1)), 0.999) if correlation.size else 0.0
@@ -60,9 +62,9 @@ def _orientation(value: OrientationMap, pixel_mm: float | None) -> list[Figure]:
         ),
         Figure(
             "mask",
-            marked(encode_srgb(value.intensity / white), value.mask, pixel_mm),
-            f"Mean over the photographs, encoded for a display; white is {white:.3g} of full scale. Tinted: the "
-            f"{masked:.1f} percent of the pixels that the mask leaves out. {size_of(shape)}",
+            marked(value.intensity, value.mask, pixel_mm, white=white),
+            f"Mean over the photographs, encoded for a display; black is 0, white {white:.3g} of full scale. Tinted: "
+            f"the {masked:.1f} percent of the pixels that the mask leaves out. {size_of(shape)}",
         ),
     ]
 
@@ -109,11 +111,22 @@ def _error(value: OrientationError, pixel_mm: float | None) -> list[Figure]:
         Figure(
             "error",
             map_with_bar(error, pixel_mm, Scale("error (°)", -limit, limit, "diverging", log=True)),
-            f"Estimate minus truth, anticlockwise positive, after one offset of {np.rad2deg(value.offset_rad):.2f}° "
-            f"was removed from every pixel; grey: masked in either. Colours end at ±{limit:.3g}°, the {CLIPPED_AT}th "
-            f"percentile of the error's size; {largest}. {size_of(error.shape)}",
+            f"Estimate minus truth, anticlockwise positive. {_offset(value)} Grey: masked in either. Colours end at "
+            f"±{limit:.3g}°, the {CLIPPED_AT}th percentile of the error's size; {largest}. {size_of(error.shape)}",
         )
     ]
+
+
+def _offset(value: OrientationError) -> str:
+    """What became of the turn between estimate and truth that all pixels share."""
+    removed = float(np.rad2deg(value.offset_rad))
+    if removed == 0:
+        return "No offset was removed: the map is taken at its word."
+    return (
+        f"One offset of {removed:.2f}° was removed from every pixel: by so much the map stands ahead of the truth, "
+        f"which polarisation alone cannot know. To make it absolute, {180 - removed % 180:.2f}° have to be added, the "
+        "rest of half a turn."
+    )
 
 
 def _anything(value: Any, pixel_mm: float | None) -> list[Figure]:

@@ -9,6 +9,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from pipeline.optics.colour import encode_srgb
 from pipeline.report.encoded import png_uri
 from pipeline.report.shades import (
     MOST_PIXELS,
@@ -19,12 +20,14 @@ from pipeline.report.shades import (
     reduced,
     wheel_colours,
 )
-from pipeline.report.svg import Axes, Svg, ticks
+from pipeline.report.svg import Axes, Svg, room_for, ticks
 
 SIDE = 350.0
 """Longest side of a map on the page, in CSS pixels."""
 
 LEFT, TOP, BELOW = 50.0, 24.0, 40.0
+"""Least room around a map, for ticks and names."""
+
 BINS = 64
 SECTORS = 36
 
@@ -56,18 +59,8 @@ def map_with_bar(values: NDArray[np.floating], pixel_mm: float | None, scale: Sc
     shown = colours(reduced(values), scale.low, scale.high, scale.shades)
     svg.image(png_uri(shown), axes.left, axes.top, axes.width, axes.height)
     axes.frame()
-    x, width = axes.right + 16, 13
     ramp = np.linspace(scale.high, scale.low, 256, dtype=np.float32)[:, None]
-    bar = Axes(svg, (x, axes.top, width, axes.height), (0, 1), (scale.low, scale.high))
-    svg.image(png_uri(colours(ramp, scale.low, scale.high, scale.shades)), x, bar.top, width, bar.height)
-    bar.frame()
-    marks = ticks(scale.low, scale.high, most=max(2, int(bar.height // 42)))
-    widest = max((len(words) for _, words in marks), default=1)
-    for value, words in marks:
-        _, y = bar.at(0, value)
-        svg.line(bar.right, y, bar.right + 4, y)
-        svg.text(bar.right + 7, y + 4, words)
-    svg.text(x, axes.top - 9, scale.label, kind="label")
+    bar, widest = _bar(svg, axes, colours(ramp, scale.low, scale.high, scale.shades), scale)
     _histogram(svg, values, scale, (bar.right + 15 + 7 * widest, bar.top, 168 - 50 - 7 * widest, bar.height))
     return svg.markup(f"map of {scale.label}")
 
@@ -91,14 +84,15 @@ def orientation_map(orientation_rad: NDArray[np.floating], pixel_mm: float | Non
     return svg.markup("orientation as hue, with its colour wheel")
 
 
-def marked(grey: NDArray[np.floating], kept: NDArray[np.bool_], pixel_mm: float | None) -> Markup:
-    """A grey picture in [0, 1], already encoded for a display; what is not kept is tinted."""
-    svg, axes = _framed(grey.shape, pixel_mm, 20)
+def marked(signal: NDArray[np.floating], kept: NDArray[np.bool_], pixel_mm: float | None, *, white: float) -> Markup:
+    """A linear signal in greys, encoded for a display, from 0 to ``white``; what is not kept is tinted."""
+    svg, axes = _framed(signal.shape, pixel_mm, 80)
     share = reduced(kept)[..., None]
-    level = np.nan_to_num(reduced(grey))[..., None]
+    level = np.nan_to_num(reduced(encode_srgb(signal / white)))[..., None]
     tinted = 0.55 * level + 0.45 * np.array(TINT, np.float32)
     svg.image(png_uri(share * level + (1 - share) * tinted), axes.left, axes.top, axes.width, axes.height)
     axes.frame()
+    _bar(svg, axes, encode_srgb(np.linspace(1, 0, 256)[:, None]), Scale("signal", 0.0, white))
     return svg.markup("what the mask keeps")
 
 
@@ -121,17 +115,32 @@ def _framed(shape: tuple[int, ...], pixel_mm: float | None, beside: float) -> tu
     rows, columns = shape[:2]
     shrink = SIDE / max(rows, columns)
     width, height = max(columns * shrink, 40.0), max(rows * shrink, 40.0)
-    svg = Svg(LEFT + width + beside, TOP + height + BELOW)
     if pixel_mm:
-        x, y = columns * pixel_mm / 2, rows * pixel_mm / 2
-        axes = Axes(svg, (LEFT, TOP, width, height), (-x, x), (-y, y))
+        half_x, half_y = columns * pixel_mm / 2, rows * pixel_mm / 2
+        x, y = (-half_x, half_x), (-half_y, half_y)
     else:
-        axes = Axes(svg, (LEFT, TOP, width, height), (0, columns), (rows, 0))
-    axes.label_x(
-        "x (mm)" if pixel_mm else "column (px)", ticks(min(axes.x), max(axes.x), most=max(2, int(width // 48)))
-    )
-    axes.label_y("y (mm)" if pixel_mm else "row (px)", ticks(min(axes.y), max(axes.y), most=max(2, int(height // 36))))
+        x, y = (0.0, float(columns)), (float(rows), 0.0)
+    down = ticks(min(y), max(y), most=max(2, int(height // 36)))
+    left = max(LEFT, room_for(down))
+    svg = Svg(left + width + beside, TOP + height + BELOW)
+    axes = Axes(svg, (left, TOP, width, height), x, y)
+    axes.label_x("x (mm)" if pixel_mm else "column (px)", ticks(min(x), max(x), most=max(2, int(width // 48))))
+    axes.label_y("y (mm)" if pixel_mm else "row (px)", down)
     return svg, axes
+
+
+def _bar(svg: Svg, axes: Axes, ramp: NDArray[np.floating], scale: Scale) -> tuple[Axes, int]:
+    """A colour bar beside a map, high above low; its axes, and the characters of its widest tick."""
+    bar = Axes(svg, (axes.right + 16, axes.top, 13, axes.height), (0, 1), (scale.low, scale.high))
+    svg.image(png_uri(ramp), bar.left, bar.top, bar.width, bar.height)
+    bar.frame()
+    marks = ticks(scale.low, scale.high, most=max(2, int(bar.height // 42)))
+    for value, words in marks:
+        _, y = bar.at(0, value)
+        svg.line(bar.right, y, bar.right + 4, y)
+        svg.text(bar.right + 7, y + 4, words)
+    svg.text(bar.left, axes.top - 9, scale.label, kind="label")
+    return bar, max((len(words) for _, words in marks), default=1)
 
 
 def _histogram(svg: Svg, values: NDArray[np.floating], scale: Scale, box: tuple[float, float, float, float]) -> None:
@@ -158,7 +167,8 @@ def _histogram(svg: Svg, values: NDArray[np.floating], scale: Scale, box: tuple[
         x, y = axes.at(length(place), scale.low)
         svg.line(x, y, x, y + 4)
         svg.text(x, y + 15, _short(place), anchor="middle")
-    svg.text((axes.left + axes.right) / 2, axes.bottom + 31, "pixels", anchor="middle", kind="label")
+    name = "pixels (log)" if scale.log else "pixels"
+    svg.text((axes.left + axes.right) / 2, axes.bottom + 31, name, anchor="middle", kind="label")
 
 
 def _log_length(count: float) -> float:

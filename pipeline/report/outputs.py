@@ -1,11 +1,11 @@
-"""Files a person opens: EXR with named channels, PNG for the eye, CSV of the figures."""
+"""Files a person opens: EXR with named channels, PNG for the eye, SVG of the charts, CSV of the figures."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -23,13 +23,15 @@ from pipeline.report.encoded import png
 from pipeline.report.exr import write_exr
 from pipeline.report.maps import Scale, spread
 from pipeline.report.naming import labelled
+from pipeline.report.pictures import Figure
 from pipeline.report.shades import colours, orientation_colours, reduced
+from pipeline.report.svg import standalone
 from pipeline.report.view import RunView
 
 FORMAT = 1
 """Counts up when the same value is written differently, so that older files are written anew."""
 
-RECORD = ".written.json"
+RECORD, CHARTS = ".written.json", ".charts.json"
 SHEET_PIXELS = 400
 
 Written = Iterator[Path]
@@ -57,6 +59,41 @@ def write_values(run: RunView) -> list[Path]:
     if now != before:
         write_text(folder / RECORD, json.dumps({"format": FORMAT, "nodes": now}, indent=1))
     return [*(folder / file for entry in now.values() for file in entry["files"]), _write_metrics(folder, run)]
+
+
+def write_charts(folder: Path, figures: Mapping[str, Sequence[Figure]]) -> list[Path]:
+    """Write the charts among the figures of each node as ``NODE_TITLE.svg``, with axes, colour bars and a white ground.
+
+    Charts that an earlier report wrote and that are no longer there are removed.
+
+    Raises
+    ------
+    PipelineError
+        A file cannot be written.
+    """
+    drawn = {
+        f"{_plain(name)}_{_plain(figure.title)}.svg": standalone(figure.body)
+        for name, of_node in figures.items()
+        for figure in of_node
+    }
+    charts = {file: text for file, text in drawn.items() if text is not None}
+    try:
+        for file in set(_charts(folder)) - set(charts):
+            (folder / file).unlink(missing_ok=True)
+        for file, text in charts.items():
+            write_text(folder / file, text)
+        write_text(folder / CHARTS, json.dumps(sorted(charts)))
+    except OSError as error:
+        raise PipelineError(f"{folder} cannot be written: {error.strerror}") from None
+    return [folder / file for file in charts]
+
+
+def _charts(folder: Path) -> list[str]:
+    """Charts of an earlier report."""
+    try:
+        return [str(file) for file in json.loads((folder / CHARTS).read_text()) if "/" not in str(file)]
+    except (OSError, ValueError, TypeError):
+        return []
 
 
 def _entry(run: RunView, name: str, folder: Path, known: Mapping[str, Any] | None) -> Mapping[str, Any] | None:

@@ -19,7 +19,7 @@ from pipeline.report.naming import Labelled, duration, flat, labelled, moment, p
 from pipeline.report.pictures import Figure, beside
 from pipeline.report.view import NodeView, RunView
 
-TILES = 6
+MOST_TILES = 6
 STATES = {"ran": "ran", "cached": "from cache", "failed": "failed", "blocked": "blocked", "absent": "absent"}
 
 
@@ -48,8 +48,27 @@ class Section:
     repeats: dict[str, list[str]] = field(default_factory=dict)
 
 
-def page(run: RunView) -> str:
-    """The report as one HTML text that needs nothing else."""
+@dataclass(frozen=True)
+class Drawing:
+    """Everything of a run that the page shows, drawn.
+
+    Attributes
+    ----------
+    values : dict
+        Values by node, as far as they can be read.
+    sections : list of Section
+        Every node.
+    compared : list of Figure
+        Pictures of several nodes beside each other.
+    """
+
+    values: Mapping[str, Any]
+    sections: list[Section]
+    compared: list[Figure]
+
+
+def draw(run: RunView) -> Drawing:
+    """Draw the figures of a run."""
     nodes = list(run.nodes.values())
     values, damages = _values(run)
     together = _under_equal_lights(values)
@@ -69,6 +88,13 @@ def page(run: RunView) -> str:
             for node, figures in zip(nodes, drawn, strict=True)
         ]
     _say_once(sections)
+    return Drawing(values, sections, compared)
+
+
+def page(run: RunView, drawing: Drawing | None = None) -> str:
+    """The report as one HTML text that needs nothing else."""
+    drawing = drawing or draw(run)
+    nodes = list(run.nodes.values())
     metrics = [labelled(name, value) for name, value in run.metrics.items()]
     environment = Environment(
         loader=PackageLoader("pipeline.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
@@ -77,18 +103,30 @@ def page(run: RunView) -> str:
     measured = [node for node in nodes if node.seconds is not None]
     return environment.get_template("report.html.j2").render(
         run=run,
-        tiles=metrics[:TILES],
+        tiles=_headlines(run, drawing.values),
         metrics=metrics,
         warnings=[(node.name, text) for node in nodes for text in node.warnings],
         troubled=[node for node in nodes if node.status in {"failed", "blocked"}],
         graph=graph_svg(run.nodes),
-        sections=sections,
-        compared=compared,
+        sections=drawing.sections,
+        compared=drawing.compared,
         measured=measured,
         longest=max((node.seconds or 0.0 for node in measured), default=0.0) or 1.0,
         states=STATES,
         count={state: sum(node.status == state for node in nodes) for state in STATES},
     )
+
+
+def _headlines(run: RunView, values: Mapping[str, Any]) -> list[Labelled]:
+    """The first figure of merit of each node that has some, under its name in the run's table."""
+    found: dict[str, float] = {}
+    for node, value in values.items():
+        name = next(iter(getattr(value, "metrics", {})), "")
+        own = f"{node}.{name}" if f"{node}.{name}" in run.metrics else name
+        if own in run.metrics:
+            found[own] = run.metrics[own]
+    first = sorted(found, key=list(run.metrics).index)
+    return [labelled(name, run.metrics[name]) for name in (first or list(run.metrics))[:MOST_TILES]]
 
 
 def _values(run: RunView) -> tuple[dict[str, Any], dict[str, str]]:

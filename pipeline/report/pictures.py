@@ -34,13 +34,15 @@ class Figure:
 
 def photos(value: PolarizerSequence) -> list[Figure]:
     """The photographs by angle, their means, and which pixels count."""
-    angles = [float(a) for a in np.rad2deg(value.polarizer_rad)]
+    order = np.argsort(value.polarizer_rad, kind="stable")
+    angles = np.rad2deg(value.polarizer_rad)[order].tolist()
+    images = [value.images[k] for k in order]
     white = _white(value.images[:, ::5, ::5])
     kept = value.valid if value.valid.any() else np.ones_like(value.valid)
-    means = [float(np.mean(image, where=kept)) for image in value.images]
+    means = [float(np.mean(image, where=kept)) for image in images]
     cells = [
         _cell(encode_srgb(reduced(image, most=PHOTO_PIXELS) / white), f"{angle:.4g}°", f"mean {mean:.4f}")
-        for image, angle, mean in zip(value.images, angles, means, strict=True)
+        for image, angle, mean in zip(images, angles, means, strict=True)
     ]
     rows, columns = value.valid.shape
     light = f" at {value.wavelength_nm:g} nm" if value.wavelength_nm else ""
@@ -51,7 +53,7 @@ def photos(value: PolarizerSequence) -> list[Figure]:
             "photographs",
             Markup('<div class="sheet">{}</div>').format(Markup("").join(cells)),
             f"The {len(angles)} photographs{light} by the angle of the polariser, {columns} × {rows} pixels{wide}. "
-            f"Encoded for a display; white is {white:.3g} of the sensor's full scale in all of them.",
+            f"Encoded for a display; in all of them black is 0 and white {white:.3g} of the sensor's full scale.",
             wide=True,
         ),
         Figure(
@@ -65,9 +67,10 @@ def photos(value: PolarizerSequence) -> list[Figure]:
         figures.append(
             Figure(
                 "pixels left out",
-                marked(encode_srgb(mean / white), value.valid, value.pixel_mm),
-                f"Mean of the photographs. Tinted: the {left_out:.2f} percent of the pixels that are left out, being "
-                "saturated, not a number, outside the photographer's mask, or moved in from outside the picture.",
+                marked(mean, value.valid, value.pixel_mm, white=white),
+                f"Mean of the photographs; black is 0, white {white:.3g} of full scale. Tinted: the {left_out:.2f} "
+                "percent of the pixels that are left out, being saturated, not a number, outside the photographer's "
+                "mask, or moved in from outside the picture.",
             )
         )
     return figures
@@ -143,7 +146,8 @@ def _exposed(value: PictureSeries) -> tuple[list[NDArray[np.float32]], str]:
     if 0.35 <= white <= 1.5:
         white = 1.0
     shown = [encode_srgb(reduced(rgb, most=PICTURE_PIXELS) / white) for rgb in value.rgb]
-    return shown, "" if white == 1 else f"Shown at {1 / white:.3g} times the exposure."
+    brightened = "" if white == 1 else f"Shown at {1 / white:.3g} times the exposure. "
+    return shown, f"{brightened}Black is 0, white {white:.3g}."
 
 
 def _white(signal: NDArray[np.floating]) -> float:

@@ -7,12 +7,20 @@ matplotlib would take 1.5 s to import and 0.2 s a figure.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
+from functools import lru_cache
 from html import escape
+from pathlib import Path
 
 from markupsafe import Markup
 
 Points = Sequence[tuple[float, float]]
+
+CHARACTER = 6.6
+"""Width of a digit of the ticks, about."""
+
+TEMPLATES = Path(__file__).with_name("templates")
 
 
 class Svg:
@@ -61,6 +69,33 @@ class Svg:
             f'<svg class="{kind}" viewBox="0 0 {self.width:.0f} {self.height:.0f}" role="img" '
             f'aria-label="{escape(label)}" style="max-width:{self.width:.0f}px">{"".join(self._parts)}</svg>'
         )
+
+
+def standalone(drawing: str) -> str | None:
+    """A chart of the page as a file of its own, in the page's light colours; None for what is no chart."""
+    found = re.fullmatch(r'<svg class="chart" viewBox="0 0 (\d+) (\d+)"[^>]*>(.*)</svg>', drawing, re.DOTALL)
+    if found is None:
+        return None
+    width, height, shapes = found.groups()
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {width} {height}" width="{width}" '
+        f'height="{height}"><style>{_light_style()}</style><rect width="100%" height="100%" fill="#fff"/>'
+        f"{shapes}</svg>\n"
+    )
+
+
+@lru_cache
+def _light_style() -> str:
+    """The style sheet of charts with the colours of a light page written out, which not every program looks up."""
+    colours: dict[str, str] = {}
+    for name, colour in re.findall(r"--(\w+): (#\w+)", (TEMPLATES / "report.css").read_text()):
+        colours.setdefault(name, colour)
+    return re.sub(r"var\(--(\w+)\)", lambda match: colours[match[1]], (TEMPLATES / "svg.css").read_text())
+
+
+def room_for(places: Sequence[tuple[float, str]]) -> float:
+    """Width that a left axis takes with these ticks and its name."""
+    return 31 + CHARACTER * max((len(words) for _, words in places), default=0)
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[tuple[float, str]]:
@@ -113,12 +148,13 @@ class Axes:
 
     def label_y(self, label: str, places: Sequence[tuple[float, str]] | None = None) -> None:
         """Draw ticks along the left side, and name it."""
-        for value, words in ticks(min(self.y), max(self.y)) if places is None else places:
+        marks = ticks(min(self.y), max(self.y)) if places is None else places
+        for value, words in marks:
             _, y = self.at(self.x[0], value)
             self.svg.line(self.left - 4, y, self.left, y)
             self.svg.text(self.left - 7, y + 4, words, anchor="end")
         middle = self.top + self.height / 2
-        self.svg.text(self.left - 37, middle, label, anchor="middle", kind="label", turn=-90)
+        self.svg.text(self.left - room_for(marks) + 14, middle, label, anchor="middle", kind="label", turn=-90)
 
     def frame(self) -> None:
         """Draw the frame."""

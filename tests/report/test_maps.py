@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.report.encoded import png
-from pipeline.report.maps import Scale, map_with_bar, orientation_map
+from pipeline.report.maps import Scale, _framed, map_with_bar, orientation_map
 from pipeline.report.shades import GROUND, colours, orientation_colours, reduced, wheel_colours
-from pipeline.report.svg import ticks
+from pipeline.report.svg import CHARACTER, ticks
 
 
 @pytest.mark.parametrize("degrees", [0, 22.5, 45, 60, 90, 120, 135, 170, 225, 315])
@@ -71,6 +71,25 @@ def test_a_map_without_a_pitch_counts_rows_from_the_top() -> None:
     text = str(map_with_bar(np.eye(30, dtype=np.float32), None, Scale("toy", 0.0, 1.0)))
     height = {words: float(y) for y, words in re.findall(r'y="([\d.]+)" text-anchor="end">([\d.]+)<', text)}
     assert height["0"] < height["20"]
+
+
+@pytest.mark.parametrize("shape", [(30, 30), (4000, 3000), (60000, 40000)])
+def test_the_name_of_an_axis_stands_clear_of_its_ticks(shape: tuple[int, int]) -> None:
+    svg, axes = _framed(shape, None, 20)
+    text = str(svg.markup("toy"))
+    ticks_at = [(float(x), words) for x, words in re.findall(r'x="([\d.]+)" y="[\d.]+" text-anchor="end">(\d+)<', text)]
+    left_of_ticks = min(x - CHARACTER * len(words) for x, words in ticks_at)
+    name = float(re.search(r'<text class="label" x="([\d.]+)"[^>]*rotate\(-90[^>]*>row \(px\)<', text)[1])
+    descent, ascent = 3.5, 10.5
+    assert name + descent < left_of_ticks
+    assert name - ascent > 0
+    assert axes.left > max(x for x, _ in ticks_at)
+
+
+def test_a_logarithmic_axis_says_so() -> None:
+    values = np.random.default_rng(0).random((50, 50)).astype(np.float32)
+    for log, name in ((True, "pixels (log)"), (False, "pixels")):
+        assert f">{name}</text>" in str(map_with_bar(values, 0.1, Scale("toy", 0.0, 1.0, log=log)))
 
 
 def test_reducing_keeps_the_mean_and_leaves_small_maps_alone() -> None:

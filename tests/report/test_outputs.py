@@ -3,6 +3,7 @@ from __future__ import annotations
 import csv
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ import OpenImageIO as oiio
 import pytest
 from made_up_run import PIXEL_MM, FakeNode, FakeRun
 
+import pipeline.report
 from pipeline.errors import PipelineError
 from pipeline.optics.colour import encode_srgb
 from pipeline.report import write_outputs
@@ -62,6 +64,36 @@ def test_the_files_are_those_that_a_person_opens(run: FakeRun) -> None:
     expected |= {f"{node}_{i}.{kind}" for node in ("torch", "rendering") for i in range(3) for kind in ("exr", "png")}
     assert {path.name for path in written} == expected | {"photos.png", "metrics.csv"}
     assert {path.name for path in (run.path / "outputs").iterdir()} == {p.name for p in written} | {".written.json"}
+
+
+def test_charts_are_files_of_their_own(run: FakeRun) -> None:
+    pipeline.report.write(run)
+    folder = run.path / "outputs"
+    charts = {path.name for path in folder.glob("*.svg")}
+    assert {"fit_orientation.svg", "fit_correlation.svg", "sample_period.svg", "evaluate_error.svg"} <= charts
+    assert "photos_means.svg" in charts
+    for name in charts:
+        root = ElementTree.parse(folder / name).getroot()
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        assert float(root.get("width")) > 100
+    text = (folder / "fit_correlation.svg").read_text()
+    assert "var(" not in text
+    assert "y (mm)" in text
+    assert ">correlation</text>" in text
+    assert "fill: #1a1f26" in text
+
+
+def test_charts_that_are_gone_are_removed_and_those_of_a_person_are_kept(run: FakeRun) -> None:
+    pipeline.report.write(run)
+    folder = run.path / "outputs"
+    (folder / "mine.svg").write_text("<svg/>")
+    pipeline.report.write(run.with_node(replace(run.nodes["evaluate"], artifact="")))
+    assert not (folder / "evaluate_error.svg").exists()
+    assert (folder / "mine.svg").exists()
+    assert (folder / "fit_orientation.svg").exists()
+    (folder / ".charts.json").write_text('["../../mine.svg", 3')
+    pipeline.report.write(run)
+    assert (folder / "evaluate_error.svg").exists()
 
 
 def test_figures_of_merit_are_written_with_units(run: FakeRun) -> None:

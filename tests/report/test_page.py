@@ -13,7 +13,7 @@ from html_reading import Page, decoded
 from made_up_run import FakeNode, FakeRun, Unknown
 
 import pipeline.report
-from pipeline.data import OrientationError, OrientationMap, PeriodMap
+from pipeline.data import Metrics, OrientationError, OrientationMap, PeriodMap
 from pipeline.report.page import page
 
 
@@ -62,6 +62,51 @@ def test_figures_of_merit_carry_their_units(run: FakeRun) -> None:
     text = Page(page(run)).text
     assert "orientation error, mean 0.4 ° orientation_error_mean_deg" in text
     assert "masked share 12.5 % masked_share_percent" in text
+
+
+def test_the_tiles_show_the_first_figure_of_each_node_that_has_some(run: FakeRun) -> None:
+    shares = {"period_error_mean_percent": 0.3, "period_bias_percent": -0.1}
+    run = run.with_node(FakeNode("period_error", type="Metrics", artifact="d"), Metrics(shares))
+    again = replace(run.values["evaluate"], metrics={"orientation_error_mean_deg": 0.6, "offset_deg": 0.1})
+    run = run.with_node(FakeNode("absolute_error", type="OrientationError", artifact="e"), again)
+    figures = {
+        "orientation_error_mean_deg": 0.4,
+        "masked_share_percent": 12.5,
+        "absolute_error.orientation_error_mean_deg": 0.6,
+        "offset_deg": 0.1,
+        "correlation_mean": 0.99,
+        **shares,
+    }
+    tiles = re.findall(r'<div class="tile"><b>(.*?)</b><span>(.*?)</span>', page(replace(run, metrics=figures)))
+    assert tiles == [
+        ("0.4°", "orientation error, mean"),
+        ("0.6°", "orientation error, mean (absolute_error)"),
+        ("0.99 ", "correlation, mean"),
+        ("0.3 %", "period error, mean"),
+    ]
+
+
+def test_a_run_whose_values_are_gone_still_has_tiles(run: FakeRun) -> None:
+    assert page(replace(run, values={})).count('<div class="tile">') == len(run.metrics)
+
+
+def test_a_node_that_does_without_all_its_inputs_comes_from_nowhere(run: FakeRun) -> None:
+    def above_figures(run: FakeRun) -> str:
+        return page(run).split('id="node-photos"')[1].split("</h3>")[1].split("</p>")[0]
+
+    assert 'From <a href="#node-sample">' in above_figures(run)
+    assert "From" not in above_figures(run.with_node(replace(run.nodes["photos"], inputs={"sample": ()})))
+
+
+def test_an_offset_that_was_removed_is_explained_and_one_that_was_not_is_too(run: FakeRun) -> None:
+    degrees = np.rad2deg(run.values["evaluate"].offset_rad)
+    text = Page(page(run)).text
+    assert f"One offset of {degrees:.2f}° was removed" in text
+    assert f"{180 - degrees:.2f}° have to be added" in text
+    kept = replace(run.values["evaluate"], offset_rad=0.0)
+    text = Page(page(run.with_node(run.nodes["evaluate"], kept))).text
+    assert "No offset was removed" in text
+    assert "have to be added" not in text
 
 
 def test_written_settings_stand_out_from_defaults_and_devices_are_unfolded(run: FakeRun) -> None:
@@ -182,7 +227,8 @@ def test_the_report_is_written_whole(run: FakeRun) -> None:
     path = pipeline.report.write(run)
     assert path == run.path / "report.html"
     assert path.read_text(encoding="utf-8") == page(run)
-    assert [p.name for p in run.path.iterdir()] == ["report.html"]
+    assert {p.name for p in run.path.iterdir()} == {"report.html", "outputs"}
+    assert {p.suffix for p in (run.path / "outputs").iterdir()} == {".svg", ".json"}
 
 
 def test_importing_the_report_imports_nothing_heavy() -> None:

@@ -1,9 +1,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
+from html_reading import decoded
 from made_up_run import values_of_every_type
 
 from pipeline.report.pictures import beside, direction, photos, pictures
@@ -33,6 +36,35 @@ def test_photographs_are_labelled_by_their_angle_and_mean() -> None:
     assert re.findall(r"<b>([\d.]+°)</b>", text) == ["0°", "45°", "90°", "135°"]
     means = [float(mean) for mean in re.findall(r"mean ([\d.]+)", text)]
     np.testing.assert_allclose(means, [image[value.valid].mean() for image in value.images], atol=1e-4)
+
+
+def test_photographs_taken_in_any_order_are_shown_by_angle() -> None:
+    value = values_of_every_type(count=4)["photos"]
+    order = [2, 0, 3, 1]
+    shuffled = replace(value, images=value.images[order], polarizer_rad=value.polarizer_rad[order])
+    for figure, other in zip(photos(value), photos(shuffled), strict=True):
+        assert figure.body == other.body
+        assert figure.caption == other.caption
+
+
+def test_every_picture_of_a_signal_says_what_black_and_white_are() -> None:
+    values = values_of_every_type()
+    sheet, _, left_out = photos(values["photos"])
+    white = re.search(r"in all of them black is 0 and white ([\d.]+) of the sensor's full scale", sheet.caption)
+    assert white
+    assert f"black is 0, white {white[1]} of full scale" in left_out.caption
+    assert "Black is 0, white 1." in pictures(values["torch"])[0].caption
+
+
+def test_a_signal_has_a_bar_from_black_to_white() -> None:
+    body = str(photos(values_of_every_type()["photos"])[2].body)
+    picture, ramp = re.findall(r'href="([^"]+)"', body)
+    grey = cv2.imdecode(np.frombuffer(decoded(ramp), np.uint8), cv2.IMREAD_COLOR)[:, 0]
+    assert picture != ramp
+    assert (grey[0].tolist(), grey[-1].tolist()) == ([255] * 3, [0] * 3)
+    assert np.ptp(grey, axis=1).max() == 0
+    assert ">signal</text>" in body
+    assert ">0.0</text>" in body or ">0.00</text>" in body
 
 
 def test_many_lights_are_broken_into_rows_that_fit_the_page() -> None:

@@ -93,7 +93,7 @@ def offset(
         least_margin=least_margin,
     )
     if known_deg is not None:
-        _log.info("Orientation made absolute: offset %.2f deg, as given.", known_deg)
+        _log.info("Orientation made absolute: %.2f deg added to every orientation, as given.", known_deg)
         return dataclasses.replace(
             orientation, orientation_rad=_turned(orientation, np.deg2rad(known_deg)), absolute=True
         )
@@ -130,7 +130,7 @@ def offset(
     second = _second_peak(grid, scores, found)
     clear = best >= least_score and best - second >= least_margin
     report = (
-        f"offset {np.rad2deg(wrap_axial(found)):.2f} deg, correlation {best:.3f}, "
+        f"{np.rad2deg(wrap_axial(found)):.2f} deg added to every orientation, correlation {best:.3f}, "
         f"next peak {second:.3f}, {len(photos.rgb)} photographs"
     )
     if clear:
