@@ -141,7 +141,8 @@ class OrientationMap:
     orientation_rad : ndarray of shape (M, N), float32
         In [0, pi); NaN outside ``mask``.
     correlation : ndarray of shape (M, N), float32
-        Normalised correlation of the fitted model with the photographs, in [0, 1]; NaN outside ``mask``.
+        Normalised correlation of the fitted model with the photographs, in [0, 1]; NaN outside ``mask``, and everywhere
+        where the photographs are no more than the model's unknowns.
     intensity : ndarray of shape (M, N), float32
         Mean over the photographs, full scale 1.
     mask : ndarray of shape (M, N), bool

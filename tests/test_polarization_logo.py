@@ -69,6 +69,14 @@ def test_the_rendering_is_what_the_torch_shows(default: Run) -> None:
         assert np.corrcoef(photo.ravel(), picture.ravel())[0, 1] > 0.95
 
 
+def test_three_photographs_give_a_map_whose_fit_is_not_judged(results: Path) -> None:
+    three = run(results, *SMALL, "graph.photos.count=3")
+    assert "A cosine goes exactly through three photographs" in three.nodes["fit"].warnings[0]
+    assert not [name for name in three.metrics if name.endswith("correlation_mean")]
+    assert three.metrics["orientation_error_mean_deg"] <= 2.0
+    assert three["placed"].absolute
+
+
 def test_the_report_and_its_outputs_are_there(default: Run) -> None:
     page = default.report.read_text()
     for name in default.nodes:

@@ -43,8 +43,6 @@ def _orientation(value: OrientationMap, pixel_mm: float | None) -> list[Figure]:
     )
     shape, masked = value.mask.shape, 100 * (1 - float(np.mean(value.mask)))
     correlation = value.correlation[value.mask & np.isfinite(value.correlation)]
-    low = min(float(np.percentile(correlation, 1)), 0.999) if correlation.size else 0.0
-    mean = f"mean {float(np.mean(correlation, dtype=np.float64)):.4f}" if correlation.size else "none known"
     bright = value.intensity[np.isfinite(value.intensity)]
     white = (float(np.percentile(bright, 99.8)) if bright.size else 0.0) or 1.0
     return [
@@ -54,12 +52,7 @@ def _orientation(value: OrientationMap, pixel_mm: float | None) -> list[Figure]:
             f"Orientation of the grating's tangent, the direction in which it diffracts; {known}. {HUES} "
             f"{size_of(shape, axial=True)}",
         ),
-        Figure(
-            "correlation",
-            map_with_bar(value.correlation, pixel_mm, Scale("correlation", low, 1.0, "viridis", log=True)),
-            f"Correlation of the fitted model with the photographs, {mean} over {correlation.size} pixels; grey: "
-            f"masked. Colours and bars begin at the first percentile, {low:.4f}. {size_of(shape)}",
-        ),
+        *([_correlation(value, correlation, pixel_mm)] if correlation.size else []),
         Figure(
             "mask",
             marked(value.intensity, value.mask, pixel_mm, white=white),
@@ -67,6 +60,17 @@ def _orientation(value: OrientationMap, pixel_mm: float | None) -> list[Figure]:
             f"the {masked:.1f} percent of the pixels that the mask leaves out. {size_of(shape)}",
         ),
     ]
+
+
+def _correlation(value: OrientationMap, known: NDArray[Any], pixel_mm: float | None) -> Figure:
+    low = min(float(np.percentile(known, 1)), 0.999)
+    return Figure(
+        "correlation",
+        map_with_bar(value.correlation, pixel_mm, Scale("correlation", low, 1.0, "viridis", log=True)),
+        f"Correlation of the fitted model with the photographs, mean {float(np.mean(known, dtype=np.float64)):.4f} "
+        f"over {known.size} pixels; grey: masked. Colours and bars begin at the first percentile, {low:.4f}. "
+        f"{size_of(value.mask.shape)}",
+    )
 
 
 def _period(value: PeriodMap, pixel_mm: float | None) -> list[Figure]:

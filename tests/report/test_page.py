@@ -184,6 +184,12 @@ def test_names_and_messages_cannot_inject_markup(run: FakeRun) -> None:
     assert read.text.count("<script>alert") > 10
 
 
+def test_a_correlation_that_is_not_known_is_not_drawn(run: FakeRun) -> None:
+    unknown = replace(run.values["fit"], correlation=np.full_like(run.values["fit"].correlation, np.nan))
+    assert "map of correlation" in page(run)
+    assert "map of correlation" not in page(run.with_node(run.nodes["fit"], unknown))
+
+
 @pytest.mark.parametrize("known", ["all", "none"])
 def test_maps_without_a_single_number_are_shown(run: FakeRun, known: str) -> None:
     void = np.full((6, 9), np.nan, np.float32)

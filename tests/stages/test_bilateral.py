@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import logging
 
 import numpy as np
@@ -126,6 +127,17 @@ def test_a_fitted_scene_comes_closer_to_the_truth(caplog):
         errors.append(np.rad2deg(np.mean(np.abs(axial_difference(turn, axial_median(turn))))))
     assert errors[1] < 0.8 * errors[0]
     assert "angular width used" in caplog.text
+
+
+def test_a_map_of_unknown_correlation_is_smoothed_as_one_of_equal_correlation():
+    theta = np.random.default_rng(0).normal(1.0, 0.05, (30, 40)).astype(np.float32)
+    equal = orientation_map(theta)
+    unknown = dataclasses.replace(equal, correlation=np.full_like(theta, np.nan))
+    smooth = bilateral(unknown).orientation_rad
+    assert np.std(smooth) < 0.2 * np.std(theta)
+    np.testing.assert_array_equal(
+        smooth, bilateral(dataclasses.replace(equal, correlation=np.ones_like(theta))).orientation_rad
+    )
 
 
 @pytest.mark.parametrize("setting", ["sigma_pixel", "sigma_theta_deg", "iterations", "pivot_radius"])

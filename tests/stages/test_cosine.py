@@ -147,6 +147,20 @@ def test_angles_that_hardly_differ_are_warned_of(caplog):
     assert "badly determined" in caplog.text
 
 
+def test_three_photographs_leave_nothing_to_correlate(caplog):
+    rng = np.random.default_rng(0)
+    three = cosine(sequence(rng.random((3, 6, 7)), np.deg2rad([0, 60, 120])), threshold=0.0)
+    assert np.isnan(three.correlation).all()
+    assert np.isfinite(three.orientation_rad).all()
+    assert [r.getMessage()[:47] for r in caplog.records if r.levelno == logging.WARNING] == [
+        "A cosine goes exactly through three photographs"
+    ]
+    caplog.clear()
+    four = cosine(sequence(rng.random((4, 6, 7)), np.deg2rad([0, 45, 90, 135])), threshold=0.0)
+    assert np.isfinite(four.correlation).all()
+    assert not [r for r in caplog.records if r.levelno == logging.WARNING]
+
+
 def test_two_distinct_angles_are_refused():
     with pytest.raises(InputError, match="three or more polariser angles"):
         cosine(sequence(np.random.default_rng(0).random((4, 3, 3)), np.deg2rad([0, 90, 180, 270])))

@@ -105,6 +105,13 @@ def test_maps_that_share_nothing_are_refused():
         period(PeriodMap(estimate.astype(np.float32), np.isfinite(estimate)), sample(truth))
 
 
+def test_a_correlation_that_is_not_known_is_left_out():
+    truth = np.full((6, 6), 1.0)
+    estimate = orientation_map(truth, np.nan)
+    assert set(quality(estimate).metrics) == {"diffracting_share_percent"}
+    assert "correlation_mean" not in orientation(estimate, sample(truth)).metrics
+
+
 def test_quality_needs_no_truth():
     theta = np.full((10, 10), 1.0)
     theta[:4] = np.nan

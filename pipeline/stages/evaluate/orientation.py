@@ -33,7 +33,7 @@ def orientation(estimate: OrientationMap, truth: GratingSample, *, keep_offset: 
         With the figures ``orientation_error_mean_deg``, ``_std_deg``, ``_median_deg`` and ``_p95_deg`` of the absolute
         error, ``offset_deg`` that was found, ``masked_share_percent`` (share of the truth's diffracting pixels that
         the map lacks), ``falsely_kept_percent`` (share of the map's pixels that do not diffract) and
-        ``correlation_mean``.
+        ``correlation_mean``, left out where it is not known.
 
     Raises
     ------
@@ -60,7 +60,9 @@ def orientation(estimate: OrientationMap, truth: GratingSample, *, keep_offset: 
     metrics["offset_deg"] = float(np.rad2deg(offset))
     metrics["masked_share_percent"] = 100 * float(np.sum(diffracts & ~known) / np.sum(diffracts))
     metrics["falsely_kept_percent"] = 100 * float(np.sum(known & ~diffracts) / np.sum(known))
-    metrics["correlation_mean"] = float(np.mean(estimate.correlation[known], dtype=np.float64))
+    correlation = estimate.correlation[known]
+    if np.isfinite(correlation).any():
+        metrics["correlation_mean"] = float(np.nanmean(correlation, dtype=np.float64))
     return OrientationError(map_rad, 0.0 if keep_offset else offset, metrics)
 
 

@@ -18,12 +18,12 @@ def quality(estimate: OrientationMap) -> Metrics:
     Returns
     -------
     Metrics
-        ``correlation_mean`` over the mask and ``diffracting_share_percent``, the mask's share of the photograph.
+        ``correlation_mean`` over the mask and ``diffracting_share_percent``, the mask's share of the photograph. The
+        former is left out where it is not known, as after a fit of three photographs.
     """
+    metrics = {}
     correlation = estimate.correlation[estimate.mask]
-    return Metrics(
-        {
-            "correlation_mean": float(np.mean(correlation, dtype=np.float64)) if correlation.size else float("nan"),
-            "diffracting_share_percent": 100 * float(np.mean(estimate.mask)),
-        }
-    )
+    if np.isfinite(correlation).any():
+        metrics["correlation_mean"] = float(np.nanmean(correlation, dtype=np.float64))
+    metrics["diffracting_share_percent"] = 100 * float(np.mean(estimate.mask))
+    return Metrics(metrics)

@@ -35,8 +35,8 @@ def bilateral(
     """Smooth by an adaptive, iterated bilateral filter on ``(cos 2 theta, sin 2 theta)``.
 
     Every iteration takes for each pixel a pivot from a small window, then the mean of the samples around it, weighted
-    by distance, by closeness to the pivot and by the square of the fit's correlation. Pixels outside the mask take no
-    part and stay masked.
+    by distance, by closeness to the pivot and by the square of the fit's correlation, where that is known. Pixels
+    outside the mask take no part and stay masked.
 
     The pivot is the sample of the window that most of the others support within the filter's angular width. An ordinary
     median of a window that lies across an edge is the blurred pixel in the middle; this one is on one of the two
@@ -82,7 +82,8 @@ def bilateral(
     theta = np.where(orientation.mask, orientation.orientation_rad, np.float32(np.nan))
     known = np.isfinite(theta)
     doubled = np.where(known, 2 * theta, np.float32(0)).astype(np.float32)
-    weight = np.where(known, np.nan_to_num(orientation.correlation) ** 2, 0).astype(np.float32)
+    trust = orientation.correlation if np.isfinite(orientation.correlation[known]).any() else np.ones_like(theta)
+    weight = np.where(known, np.nan_to_num(trust) ** 2, 0).astype(np.float32)
     sigma_rad = np.deg2rad(sigma_theta_deg)
     if adaptive:
         sigma_rad = _narrowed(theta, sigma_rad)

@@ -16,6 +16,7 @@ from pipeline.parallel import over_rows
 _log = logging.getLogger(__name__)
 
 _ILL_CONDITIONED = 20.0
+_UNKNOWNS = 3
 
 
 def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: float | None = None) -> OrientationMap:
@@ -47,7 +48,9 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
     -------
     OrientationMap
         ``intensity`` is the cosine's mean over a turn of the polariser: the mean of the photographs where the steps are
-        equal over half a turn, and free of the orientation where they are not.
+        equal over half a turn, and free of the orientation where they are not. ``correlation`` is NaN everywhere where
+        there are no more than three photographs: a cosine, of three unknowns, goes through them exactly, whatever they
+        show.
 
     Raises
     ------
@@ -77,6 +80,12 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
         mask &= np.isfinite(orientation)
     orientation[~mask] = np.nan
     correlation[~mask] = np.nan
+    if len(photos.images) == _UNKNOWNS:
+        _log.warning(
+            "A cosine goes exactly through three photographs, whatever they show: how well it fits is not known. Take "
+            "at least four."
+        )
+        correlation[:] = np.nan
     return OrientationMap(orientation, correlation, intensity, mask, photos.pixel_mm)
 
 
