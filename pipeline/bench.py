@@ -22,8 +22,9 @@ from pipeline.execute import check_before_running, execute
 from pipeline.executors import Executor, executor_of
 from pipeline.files import FileDigests, as_yaml
 from pipeline.freshness import bring_up_to_date
-from pipeline.graph import Graph, Node, build_graph, plain
+from pipeline.graph import build_graph
 from pipeline.keys import digest
+from pipeline.nodes import Graph, Node, plain
 from pipeline.outcome import Listener, Outcome, Silent
 from pipeline.plan import Plan, make_plan, recheck
 from pipeline.provenance import commit, versions

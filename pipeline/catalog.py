@@ -7,7 +7,8 @@ from functools import cached_property
 
 from pipeline.annotations import Annotation, parse_annotation
 from pipeline.errors import InputError, nearest
-from pipeline.source import ModuleSource, Parameter, Signature, Sources, declared
+from pipeline.source import ModuleSource, Sources, declared
+from pipeline.syntax import Parameter, Signature
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -12,9 +12,10 @@ from pipeline.annotations import Annotation
 from pipeline.errors import InputError, InputErrors
 from pipeline.executors import BENCH, Executor, TaskName
 from pipeline.gate import Gate
-from pipeline.graph import PROTOCOLS, DeviceRecipe
+from pipeline.graph import PROTOCOLS
+from pipeline.nodes import DeviceRecipe
 from pipeline.outcome import Outcome
-from pipeline.plan import Plan
+from pipeline.plan import Plan, Task, inputs_of
 from pipeline.workbench import Workbench, build_device, companion
 
 
@@ -109,8 +110,19 @@ def execute(plan: Plan, workbench: Workbench, executor: Executor) -> dict[str, O
             waits_for = [_task_name(n) for n in upstream if n in to_run]
             graph[_task_name(name)] = (Workbench.carry_out, BENCH, step.task, step.reason, known, waits_for)
         ended = executor.run(graph, workbench)
-        outcomes |= {name: ended.get(name) or _lost(name, plan, ended) for name in to_run}
+        for name, step in to_run.items():
+            outcomes[name] = ended.get(name) or _finished(step.task, outcomes, workbench) or _lost(name, plan, ended)
     return {name: outcomes[name] for name in plan.steps}
+
+
+def _finished(task: Task, outcomes: Mapping[str, Outcome], workbench: Workbench) -> Outcome | None:
+    """How a node ended whose worker finished it and died before it could say so."""
+    before = [outcomes[upstream] for upstream in task.node.upstream()]
+    if any(outcome.record is None for outcome in before):
+        return None
+    inputs = inputs_of(task.node, {outcome.name: outcome.artifact for outcome in before})
+    record = workbench.store.find(task.key(inputs))
+    return None if record is None else Outcome(task.node.name, "ran", record, "its worker died after it")
 
 
 def _lost(name: str, plan: Plan, ended: dict[str, Outcome]) -> Outcome:

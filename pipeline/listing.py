@@ -12,7 +12,8 @@ from pipeline.catalog import Catalog, Entry, is_device
 from pipeline.config import options
 from pipeline.errors import InputError, PipelineError, nearest
 from pipeline.runs import MANIFEST, open_run
-from pipeline.source import REQUIRED, Sources
+from pipeline.source import Sources
+from pipeline.syntax import REQUIRED
 
 Rows = Iterator[tuple[str, str]]
 

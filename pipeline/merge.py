@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from pipeline.graph import Graph, Node, plain
 from pipeline.keys import digest
+from pipeline.nodes import Graph, Node, plain
 from pipeline.outcome import Outcome
 
 

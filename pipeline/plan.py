@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 from pipeline.errors import InputError, InputErrors
 from pipeline.files import FileDigests
-from pipeline.graph import DeviceRecipe, Graph, Node
 from pipeline.keys import Digest, digest
+from pipeline.nodes import DeviceRecipe, Graph, Node
 from pipeline.record import Record
 from pipeline.source import Code, Sources
 from pipeline.store import Store

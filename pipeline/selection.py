@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pipeline.errors import InputError, nearest
-from pipeline.graph import Graph
+from pipeline.nodes import Graph
 
 
 def until(graph: Graph, wanted: Any) -> Graph:

@@ -19,8 +19,8 @@ from pipeline.errors import InputError, PipelineError
 from pipeline.files import FileDigests
 from pipeline.freshness import check_same
 from pipeline.gate import Gate
-from pipeline.graph import DeviceRecipe, Node
 from pipeline.messages import Messages
+from pipeline.nodes import DeviceRecipe, Node
 from pipeline.outcome import Listener, Outcome
 from pipeline.parallel import cores, cpu_meter, thread_budget
 from pipeline.plan import Inputs, Task, in_session, inputs_of

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.source import REQUIRED, Sources
+from pipeline.source import Sources
+from pipeline.syntax import REQUIRED
 
 CODE = '''
 """Module."""
