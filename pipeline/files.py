@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from pipeline.disks import writing
 from pipeline.errors import InputError, nearest
 from pipeline.keys import digest, digest_file
 from pipeline.sealed import sealed, unsealed
@@ -29,14 +30,15 @@ def write_bytes(path: Path, data: bytes) -> None:
     """Write a file so that a reader sees the old content or the new, never a part."""
     temporary = f"{path.parent}{os.sep}.{path.name}.{uuid.uuid4().hex[:8]}"
     try:
-        try:
-            file = open(temporary, "wb")  # noqa: SIM115 - closed below
-        except FileNotFoundError:
-            make_folder(path.parent)
-            file = open(temporary, "wb")  # noqa: SIM115
-        with file:
-            file.write(data)
-        os.replace(temporary, path)
+        with writing(path):
+            try:
+                file = open(temporary, "wb")  # noqa: SIM115 - closed below
+            except FileNotFoundError:
+                make_folder(path.parent)
+                file = open(temporary, "wb")  # noqa: SIM115
+            with file:
+                file.write(data)
+            os.replace(temporary, path)
     except BaseException:
         with suppress(OSError):
             os.unlink(temporary)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from pipeline.artifact import DamagedArtifact, content_of, digest_of, read_artifact, write_artifact
+from pipeline.disks import writing
 from pipeline.files import sync
 
 T = TypeVar("T")
@@ -44,12 +45,13 @@ class Journal:
         value = take()
         description, arrays = content_of(value)
         temporary = self.folder / f".{uuid.uuid4().hex}"
-        temporary.mkdir(parents=True)
         try:
-            write_artifact(temporary, description, arrays)
-            sync(temporary)
-            os.rename(temporary, self.folder / f"{index:04d}-{digest_of(description)}")
-            sync(self.folder)
+            with writing(temporary):
+                temporary.mkdir(parents=True)
+                write_artifact(temporary, description, arrays)
+                sync(temporary)
+                os.rename(temporary, self.folder / f"{index:04d}-{digest_of(description)}")
+                sync(self.folder)
         except BaseException:
             shutil.rmtree(temporary, ignore_errors=True)
             raise

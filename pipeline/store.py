@@ -27,6 +27,7 @@ from pipeline.artifact import (
     rebuilt,
     write_artifact,
 )
+from pipeline.disks import writing
 from pipeline.errors import InputError
 from pipeline.files import make_folder, sync, write_text
 from pipeline.journal import Journal
@@ -170,14 +171,15 @@ class Store:
             self._push(artifact)
             return artifact
         temporary = self.root / f"objects/.{uuid.uuid4().hex}"
-        make_folder(temporary)
         try:
-            write_artifact(temporary, description, arrays)
-            if durable:
-                sync(temporary)
-            self._name(temporary, artifact)
-            if durable:
-                sync(target.parent)
+            with writing(temporary):
+                make_folder(temporary)
+                write_artifact(temporary, description, arrays)
+                if durable:
+                    sync(temporary)
+                self._name(temporary, artifact)
+                if durable:
+                    sync(target.parent)
         except BaseException:
             shutil.rmtree(temporary, ignore_errors=True)
             raise

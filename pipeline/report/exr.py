@@ -11,6 +11,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from pipeline.disks import DiskError, writing
 from pipeline.errors import PipelineError
 
 
@@ -34,8 +35,12 @@ def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], attributes: Mapp
     try:
         out = oiio.ImageOutput.create(str(temporary))
         if out is None or not out.open(str(temporary), spec) or not out.write_image(stack) or not out.close():
+            with writing(path):
+                temporary.write_bytes(bytes(stack.nbytes))  # tells why the disk refuses, which OpenEXR does not
             raise PipelineError(f"{path} cannot be written: {oiio.geterror() if out is None else out.geterror()}")
         temporary.replace(path)
+    except DiskError:
+        raise
     except OSError as error:
         raise PipelineError(f"{path} cannot be written: {error.strerror}") from None
     finally:
