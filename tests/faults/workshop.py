@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.data import Metrics, Photo
+from pipeline.data import Metrics, PeriodMap, Photo
 
 
 def note(word: str) -> None:
@@ -60,6 +60,13 @@ def blend(maps: list[Photo], *, label: str, size: int = 8, seed: int = 0, ms: fl
     note(label)
     own = made(size, seed, ms)
     return Photo(own.image + np.float32(sum(m.image.mean() for m in maps)), own.saturated)
+
+
+def period(maps: Photo, *, label: str) -> PeriodMap:
+    """Give a map that has files for people."""
+    note(label)
+    side = int(np.sqrt(maps.image.size))
+    return PeriodMap(maps.image[: side * side].reshape(side, side), np.ones((side, side), bool))
 
 
 def mean(maps: list[Photo], *, label: str, ms: float = 0.3) -> Metrics:
