@@ -8,7 +8,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import Any
 
 from pipeline.catalog import Catalog
 from pipeline.compose import compose, remember
-from pipeline.config import Configuration
+from pipeline.config import LOCAL_SECTIONS, Configuration
 from pipeline.errors import InputError, PipelineError
 from pipeline.execute import check_before_running, execute
 from pipeline.executors import Executor, executor_of
@@ -27,7 +27,8 @@ from pipeline.keys import digest
 from pipeline.nodes import Graph, Node, plain
 from pipeline.outcome import Listener, Outcome, Silent
 from pipeline.plan import Plan, make_plan, recheck
-from pipeline.provenance import commit, versions
+from pipeline.provenance import commit, environment, versions
+from pipeline.record import Record
 from pipeline.runs import NodeRun, Run, last_keys, open_run, remember_keys
 from pipeline.selection import forced, until
 from pipeline.source import Sources
@@ -59,11 +60,12 @@ class RunFailed(PipelineError):
 
 @dataclass(frozen=True)
 class Experiment:
-    """A composed and checked experiment, ready to be planned and run."""
+    """A composed and checked experiment, ready to be planned and run; ``taken`` stands for what cannot be computed."""
 
     configuration: Configuration
     catalog: Catalog
     graph: Graph
+    taken: Mapping[str, Record] = field(default_factory=dict)
 
     @classmethod
     def load(
@@ -115,9 +117,7 @@ class Experiment:
     @property
     def digest(self) -> str:
         """Digest of the configuration, leaving out where results go and who computes them."""
-        ignored = {"paths", "executor", "recapture", "from", "force", "objective"} | (
-            set() if self.configuration.content.get("until") else {"until"}
-        )
+        ignored = {*LOCAL_SECTIONS} | (set() if self.configuration.content.get("until") else {"until"})
         content = {k: v for k, v in self.configuration.content.items() if k not in ignored}
         return digest({"experiment": self.name, **content})[:RUN_DIGEST_CHARACTERS]
 
@@ -126,18 +126,20 @@ class Experiment:
         """The command that runs it again."""
         words = self.configuration.words
         folders = [f"--config-dir={folder}" for folder in self.configuration.folders]
-        return shlex.join(["python", "-m", "pipeline", *folders, *words])
+        origin = ["run", self.configuration.origin] if self.configuration.origin else []
+        return shlex.join(["python", "-m", "pipeline", *origin, *folders, *words])
 
-    def kept_content(self) -> dict[str, Any]:
-        """The configuration as a run keeps it, without the settings that a swapped stage does not have."""
-        content = dict(self.configuration.content)
-        content["graph"] = {
-            name: {key: value for key, value in node.items() if key not in self.graph.dropped.get(name, ())}
-            if isinstance(node, dict)
-            else node
-            for name, node in content["graph"].items()
-        }
-        return content
+    def kept(self, content: Mapping[str, Any]) -> dict[str, Any]:
+        """A configuration as a run keeps it, without the settings that a swapped stage does not have."""
+        graph = content["graph"]
+        if isinstance(graph, dict):
+            graph = {
+                name: {key: value for key, value in node.items() if key not in self.graph.dropped.get(name, ())}
+                if isinstance(node, dict)
+                else node
+                for name, node in graph.items()
+            }
+        return {**content, "graph": graph}
 
     def plan(self) -> Plan:
         """Find out what would run.
@@ -153,6 +155,7 @@ class Experiment:
             self.graph,
             last=last_keys(self.runs, self.name),
             forced=forced(self.graph, content.get("from"), content.get("force")),
+            taken=self.taken,
         )
 
     def run(self, listener: Listener, log: Callable[[str], None] = lambda text: None) -> Run:
@@ -230,12 +233,15 @@ class Experiment:
             description=str(self.configuration.content.get("description") or "").strip(),
             nodes=nodes,
             metrics=_metrics(sorted(nodes.values(), key=lambda n: n.name != "evaluate"), self.store),
-            config_yaml=as_yaml(self.kept_content()),
+            config_yaml=as_yaml(self.kept(self.configuration.content)),
             versions=versions(),
             commit=commit(),
             host=platform.node(),
             finished=datetime.now(UTC).isoformat(timespec="seconds"),
             total_seconds=round(seconds, 3),
+            raw=self.kept(self.configuration.raw),
+            environment=self.store.keep_provenance(environment()),
+            claims=getattr(self.store, "claims", ""),
         )
 
 

@@ -57,17 +57,21 @@ def find_waste(runs: Path, store: Store) -> Waste:
     """
     keys: set[str] = set()
     artifacts: set[str] = set()
+    listings: set[str] = set()
     kept = 0
     for manifest in sorted(runs.glob(f"*/*/{MANIFEST}")):
         run = open_run(manifest.parent)
         kept += 1
+        listings.add(run.environment)
         for node in run.nodes.values():
             keys.add(node.key)
             artifacts.add(node.artifact)
+            if node.key and (claimed := run.store.record(node.key)) is not None:
+                listings |= {claimed.code, claimed.versions}
     sources = _captured(store, keys)
     keys |= set(sources)
     artifacts |= set(sources.values())
-    listings = {name for key in keys if (r := store.record(key)) for name in (r.code, r.versions)}
+    listings |= {name for key in keys if (r := store.record(key)) for name in (r.code, r.versions)}
     waste = Waste(kept_runs=kept, captures=tuple(sorted((store.root / "captures").glob("*"))))
     for path in _children(store.root / "objects"):
         if path.name.startswith("."):

@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import yaml
 
+LOCAL_SECTIONS = ("paths", "executor", "recapture", "from", "force", "objective")
+"""Sections that say where and how one machine carries out an experiment, and nothing of what comes out."""
+
 
 @dataclass(frozen=True)
 class Override:
@@ -45,6 +48,8 @@ class Configuration:
         Whether it asks for a sweep of itself (``hydra.mode: MULTIRUN``).
     memory : Path or None
         File in which the composition may be remembered; None where it may not, or is.
+    origin : str
+        The bundle or run that it was taken from, instead of YAML files.
     """
 
     experiment: str
@@ -56,6 +61,7 @@ class Configuration:
     words: tuple[str, ...] = ()
     sweeps: bool = False
     memory: Path | None = field(default=None, compare=False, repr=False)
+    origin: str = ""
     _trees: dict[Path, yaml.Node | None] = field(default_factory=dict, compare=False, repr=False)
 
     def written_by_override(self, path: str) -> bool:
@@ -73,7 +79,9 @@ class Configuration:
             if line is not None:
                 return f"{shown(file)}, line {line}: {path}"
         parent = path.rpartition(".")[0]
-        return self.where(parent) + f" (for {path})" if parent else path
+        if parent:
+            return self.where(parent) + f" (for {path})"
+        return f"{self.origin}: {path}" if self.origin else path
 
     def _followed(self, path: str) -> str:
         """The path that an interpolation such as ``${rig}`` on the way leads to."""

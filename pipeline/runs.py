@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pipeline.artifact import DamagedArtifact
+from pipeline.claims import store_with_claims
 from pipeline.errors import InputError, PipelineError, nearest
 from pipeline.files import write_text
+from pipeline.forms import check_manifest, read_json
 from pipeline.sealed import sealed, unsealed
 from pipeline.store import Store
 
@@ -75,7 +77,9 @@ class NodeRun:
 class Run:
     """A run of an experiment and its results.
 
-    ``run["fit"]`` is a node's value, ``run.metrics`` are its figures, ``run.path`` is its folder.
+    ``run["fit"]`` is a node's value, ``run.metrics`` are its figures, ``run.path`` is its folder; ``run.raw`` is its
+    configuration before interpolation. The store keeps what was installed under ``run.environment``, and the records
+    that came with somebody else's bundle under ``run.claims``.
     """
 
     name: str
@@ -93,6 +97,9 @@ class Run:
     host: str
     finished: str
     total_seconds: float
+    raw: Mapping[str, Any] = field(default_factory=dict)
+    environment: str = ""
+    claims: str = ""
 
     def __repr__(self) -> str:
         nodes = ", ".join(f"{name}: {node.status}" for name, node in self.nodes.items())
@@ -199,6 +206,9 @@ class Run:
             "total_seconds": self.total_seconds,
             "store": self.store.location,
             "store_from_here": self._way_to_store(),
+            "claims": self.claims,
+            "environment": self.environment,
+            "raw": self.raw,
         }
         nodes = (json.dumps({**vars(node), "written": sorted(node.written)}) for node in self.nodes.values())
         lines = [*(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in content.items())]
@@ -215,12 +225,13 @@ def open_run(path: Path) -> Run:
     Raises
     ------
     InputError
-        There is no run in that folder.
+        There is no run in that folder, or its manifest is not what a run writes.
     """
     try:
-        content = unsealed((path / MANIFEST).read_bytes())
-        if content["format"] != FORMAT:
+        content = read_json(path / MANIFEST)
+        if content.get("format", FORMAT) != FORMAT:
             raise InputError(f"{path / MANIFEST} has format {content['format']}", expected=f"format {FORMAT}")
+        check_manifest(content, path / MANIFEST)
         return Run(
             name=content["experiment"],
             digest=content["digest"],
@@ -237,6 +248,9 @@ def open_run(path: Path) -> Run:
             host=content["host"],
             finished=content["finished"],
             total_seconds=content["total_seconds"],
+            raw=content.get("raw", {}),
+            environment=content.get("environment", ""),
+            claims=content.get("claims", ""),
         )
     except OSError:
         raise InputError(
@@ -248,10 +262,19 @@ def open_run(path: Path) -> Run:
 
 def _store_of(content: Mapping[str, Any], path: Path) -> Store:
     """The run's store: where it was, or where it would be if it was moved together with the run."""
-    moved = path.absolute() / str(content.get("store_from_here") or ".")
-    if "://" not in content["store"] and not Path(content["store"]).is_dir() and moved.is_dir():
-        return Store(moved.resolve())
-    return Store.at(content["store"])
+    claims = content.get("claims", "")
+    if "://" in content["store"]:
+        return store_with_claims(content["store"], claims)
+    wanted = {node["artifact"] for node in content["nodes"] if node["artifact"]}
+    here = path.absolute()
+    places = [here / content["store"], here / (content.get("store_from_here") or "."), here.parent.parent / ".store"]
+
+    def held(root: Path) -> int:
+        return sum(Store(root).object_folder(artifact).is_dir() for artifact in wanted)
+
+    if held(places[0]) == len(wanted):
+        return store_with_claims(places[0], claims)
+    return store_with_claims(max(places, key=held).resolve(), claims)
 
 
 def _node(content: dict[str, Any]) -> NodeRun:
