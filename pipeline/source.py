@@ -172,9 +172,9 @@ class Sources:
         self._fresh = False
 
     def _read(self, name: str, path: Path) -> ModuleSource:
-        companions = sorted(_companions(path))
-        files = [str(p) for p in (path, *companions)]
-        stamps = [stamp(p) for p in (path, *companions)]
+        beside = sorted(companions(path))
+        files = [str(p) for p in (path, *beside)]
+        stamps = [stamp(p) for p in (path, *beside)]
         known = self._stamps.get(name)
         if known is not None and known[0] == [files, stamps] and known[1] in self._parsed:
             key, code_digest = known[1], known[2]
@@ -192,7 +192,7 @@ class Sources:
                         expected="Python",
                     ) from None
             code_digest = self._parsed[key]["code_digest"]
-            for companion in companions:
+            for companion in beside:
                 code_digest = digest_bytes(f"{code_digest} {companion.name} ".encode() + companion.read_bytes())
             if settled(stamps):
                 self._stamps[name] = [[files, stamps], key, code_digest]
@@ -212,7 +212,7 @@ class Sources:
         )
 
 
-def _companions(path: Path) -> list[Path]:
+def companions(path: Path) -> list[Path]:
     """Data files that belong to a module: those with its stem and a suffix of data."""
     beside = (path.with_suffix(suffix) for suffix in DATA_SUFFIXES)
     return [file for file in beside if file.is_file()]
