@@ -66,7 +66,7 @@ def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configura
             raise InputError(f"there is no folder {folder}", where="--config-dir", expected="a folder of YAML files")
     texts = [opened(text) for text in overrides]
     experiment = chosen_experiment(texts, folders)
-    _check_groups(texts, folders)
+    check_groups(texts, folders)
     memory = _memory_file(texts, folders)
     recalled = _recalled(memory)
     known = recalled or _composed(texts, overrides, folders)
@@ -81,7 +81,7 @@ def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configura
         sweeps=bool(known["sweeps"]),
         memory=None if recalled else memory,
     )
-    _check_sections(configuration)
+    check_sections(configuration)
     return configuration
 
 
@@ -209,7 +209,7 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
     from hydra import compose as hydra_compose
     from omegaconf import OmegaConf
 
-    _check_paths(texts)
+    check_paths(texts)
     with readable_errors(" ".join(overrides)):
         with hydra_ready(folders) as search:
             words = [*search, *(quoted(text) for text in texts)]
@@ -239,7 +239,8 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
     }
 
 
-def _check_groups(texts: Sequence[str], folders: Sequence[Path]) -> None:
+def check_groups(texts: Sequence[str], folders: Sequence[Path]) -> None:
+    """Refuse an option that a config group does not have."""
     for text in texts:
         name, _, choice = text.lstrip("+").partition("=")
         if name in groups(folders) and choice and not choice.startswith("{"):
@@ -253,14 +254,14 @@ def _check_groups(texts: Sequence[str], folders: Sequence[Path]) -> None:
                 )
 
 
-def _check_paths(texts: Sequence[str]) -> None:
+def check_paths(texts: Sequence[str], known: Sequence[str] = SECTIONS) -> None:
     """Refuse an override outside the sections, where Hydra would advise to append it."""
     for text in texts:
         if text.startswith(("+", "~", "hydra")):
             continue
         path = text.split("=", 1)[0]
         first = path.split(".")[0].split("@")[0]
-        if first not in SECTIONS and "." in path:
+        if first not in known and "." in path:
             raise InputError(
                 f"there is no section '{first}'",
                 where=f"override {text}",
@@ -269,7 +270,7 @@ def _check_paths(texts: Sequence[str]) -> None:
             )
 
 
-def _check_sections(configuration: Configuration) -> None:
+def check_sections(configuration: Configuration) -> None:
     """Refuse what stands at the top of a configuration and means nothing."""
     if "experiment" in configuration.content:
         file = option_file("experiment", configuration.experiment, configuration.folders)

@@ -104,6 +104,7 @@ def make_plan(
     last: Mapping[str, str] | None = None,
     recapture: bool = False,
     forced: Mapping[str, str] | None = None,
+    taken: Mapping[str, Record] | None = None,
 ) -> Plan:
     """Find what is in the store and what has to run.
 
@@ -119,16 +120,23 @@ def make_plan(
         Whether to take the photographs of real devices anew.
     forced : dict of str to str, optional
         Nodes to compute though the store has them, and why.
+    taken : dict of str to Record, optional
+        What stands for nodes that cannot be computed here: real devices captured them, or their files are elsewhere.
 
     Raises
     ------
     InputErrors
-        Files or folders that settings name are missing or cannot be read.
+        Files or folders that settings name are missing or cannot be read, or a value that was taken over is damaged.
     """
-    last = last or {}
+    last, taken = last or {}, taken or {}
     tasks, problems = {}, []
     for node in graph.nodes.values():
         try:
+            if node.name in taken:
+                if not store.sound(taken[node.name].artifact):
+                    raise InputError(f"the value of '{node.name}', which cannot be computed here, is lost or damaged")
+                tasks[node.name] = Task(node, _code(node, sources), taken[node.name].settings)
+                continue
             task = _task(node, sources, store, files, recapture=recapture)
             tasks[node.name] = replace(task, forced=True) if forced and node.name in forced else task
         except InputError as error:
@@ -137,7 +145,9 @@ def make_plan(
         raise InputErrors(problems)
     steps: dict[str, Step] = {}
     for name, task in tasks.items():
-        if task.forced and forced:
+        if name in taken:
+            steps[name] = Step(task, "cached", "taken over: it cannot be computed here", taken[name])
+        elif task.forced and forced:
             steps[name] = Step(task, "run", forced[name])
         else:
             steps[name] = _step(task, steps, store, last.get(name))
@@ -157,11 +167,15 @@ def inputs_of(node: Node, artifacts: Mapping[str, str]) -> Inputs:
     }
 
 
-def _task(node: Node, sources: Sources, store: Store, files: FileDigests, *, recapture: bool) -> Task:
+def _code(node: Node, sources: Sources) -> Code:
     modules = {node.entry.module}
     for device in node.devices():
         modules |= {recipe.entry.module for recipe in device.walk()}
-    code = sources.code(frozenset(modules))
+    return sources.code(frozenset(modules))
+
+
+def _task(node: Node, sources: Sources, store: Store, files: FileDigests, *, recapture: bool) -> Task:
+    code = _code(node, sources)
     settings = {}
     watched: dict[str, tuple[str, str]] = {}
     for name, value in node.settings.items():
