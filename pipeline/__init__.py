@@ -8,8 +8,9 @@ if TYPE_CHECKING:
     from pipeline.bench import RunFailed, run
     from pipeline.runs import Run, open_run
     from pipeline.sweeps import sweep
+    from pipeline.verification import verify
 
-__all__ = ["Run", "RunFailed", "open_run", "run", "sweep"]
+__all__ = ["Run", "RunFailed", "open_run", "run", "sweep", "verify"]
 
 _HOMES = {
     "run": "pipeline.bench",
@@ -17,6 +18,7 @@ _HOMES = {
     "Run": "pipeline.runs",
     "open_run": "pipeline.runs",
     "sweep": "pipeline.sweeps",
+    "verify": "pipeline.verification",
 }
 
 
