@@ -8,6 +8,9 @@ from pipeline.data import GratingSample, Metrics, PeriodMap
 from pipeline.errors import InputError
 from pipeline.optics.sampling import at_pixel_centres
 
+# In percent: what maps that are equal within 1e-5 um may give.
+_tolerance_period = {"metrics": 2e-3}
+
 
 def period(estimate: PeriodMap, truth: GratingSample) -> Metrics:
     """Compare a period map with the truth at the centre of each pixel.

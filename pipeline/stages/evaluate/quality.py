@@ -6,6 +6,9 @@ import numpy as np
 
 from pipeline.data import Metrics, OrientationMap
 
+# What maps whose correlations are equal within 1e-5 may give.
+_tolerance_quality = {"metrics": 1e-5}
+
 
 def quality(estimate: OrientationMap) -> Metrics:
     """Figures that need no truth.

@@ -22,6 +22,9 @@ Float32Array = NDArray[np.float32]
 _NARROWEST_DEG = 1.0
 _NOISE_WIDTHS = 4.0
 
+# Weights are sums in float32, which processors round differently, on top of the fit's rounding: 1.2e-6 was seen.
+_tolerance_bilateral = {"orientation_rad": 1e-5, "correlation": 1e-5, "intensity": 1e-5}
+
 
 def bilateral(
     orientation: OrientationMap,

@@ -22,6 +22,9 @@ Float32Array = NDArray[np.float32]
 _BINS = 512
 _SMOOTHING_BINS = 4.0
 
+# Brightness enters by its square root, with the rounding of the fit before: 3.6e-7 was seen.
+_tolerance_relative_period = {"period_um": 1e-5}
+
 
 def relative_period(
     orientation: OrientationMap,
