@@ -7,8 +7,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from pipeline import cli_review
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
+
+if TYPE_CHECKING:
+    from pipeline.bench import Experiment
 
 USAGE = """\
 optibench - a bench for optical-measurement experiments
@@ -18,6 +23,10 @@ optibench - a bench for optical-measurement experiments
   python -m pipeline why +experiment=NAME [SETTING=VALUE ...]  what would run, and why; runs nothing
   python -m pipeline list [experiments|rigs|executors|stages|devices|runs]
   python -m pipeline show NAME                                 manual of a stage or device; YAML of an experiment or rig
+  python -m pipeline verify RUN|BUNDLE                         recompute all of it and compare every value
+  python -m pipeline diff RUN RUN                              which settings, code, versions and results differ
+  python -m pipeline bundle RUN FILE.zip                       all of a run in one file, to hand on
+  python -m pipeline run RUN|BUNDLE [SETTING=VALUE ...]        run it again, changed or not
   python -m pipeline export RUN NODE FOLDER                    write a node's photographs as a folder to replay
   python -m pipeline debug RUN NODE                            run one stage again, under a debugger
   python -m pipeline clean [now]                               what no run needs any more; with now, remove it
@@ -25,6 +34,8 @@ optibench - a bench for optical-measurement experiments
 options
   -m, --multirun     sweep: values may be lists a,b,c, range(1,5), choice(...), glob(fit.*)
   --config-dir DIR   a folder of your own experiments and rigs, laid out as configs/
+  --json             print what differs as JSON (diff)
+  --limit-gb N       let a bundle unpack to at most N GB (20)
   -q, --quiet        print nothing but the place of the report, and errors
   -h, --help         this text
   --version          the version
@@ -39,6 +50,7 @@ examples
 
 `optibench` does the same as `python -m pipeline`.
 Exit status: 0 done, 1 a stage failed, 2 wrong input, 130 interrupted.
+Of verify: 0 all identical or within tolerance, 1 something different or failed, 2 it cannot be verified.
 """
 
 
@@ -50,16 +62,20 @@ class Line:
     ----------
     words : tuple of str
         What is left: overrides, names, files.
-    quiet, multirun : bool
+    quiet, multirun, json : bool
         Options.
     folders : tuple of Path
         Folders of YAML files besides ours.
+    limit_gb : float or None
+        What a bundle may unpack to.
     """
 
     words: tuple[str, ...]
     quiet: bool = False
     multirun: bool = False
     folders: tuple[Path, ...] = ()
+    json: bool = False
+    limit_gb: float | None = None
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -76,6 +92,8 @@ def main(arguments: Sequence[str]) -> int:
         line = _taken_apart(arguments)
         command = line.words[0] if line.words[0] in COMMANDS else "run"
         rest = replace(line, words=line.words[1:]) if line.words[0] in COMMANDS else line
+        if line.words[0] == "run" and rest.words and not _is_override(rest.words[0]):
+            return _rerun(rest)
         if command in TAKES_OVERRIDES:
             _check_overrides(rest)
         return COMMANDS[command](rest)
@@ -94,6 +112,7 @@ def _taken_apart(arguments: Sequence[str]) -> Line:
     words: list[str] = []
     folders: list[Path] = []
     flags: set[str] = set()
+    limit_gb = None
     waiting = list(arguments)
     while waiting:
         word = waiting.pop(0)
@@ -104,21 +123,38 @@ def _taken_apart(arguments: Sequence[str]) -> Line:
             if not folder:
                 raise InputError("--config-dir names no folder", where="command line", expected="--config-dir DIR")
             folders.append(Path(folder))
+        elif word == "--json":
+            flags.add("json")
+        elif word == "--limit-gb" or word.startswith("--limit-gb="):
+            limit_gb = _limit(word.partition("=")[2] or (waiting.pop(0) if waiting else ""))
         elif word.startswith("-"):
-            known = ["--quiet", "--help", "--multirun", "--config-dir", "--version"]
+            known = ["--quiet", "--help", "--multirun", "--config-dir", "--version", "--json", "--limit-gb"]
             raise InputError(f"there is no option '{word}'", where="command line", hint=nearest(word, known))
         else:
             words.append(word)
     if not words:
         raise InputError("nothing is asked for", where="command line", expected="see python -m pipeline --help")
-    return Line(tuple(words), "q" in flags, "m" in flags, tuple(folders))
+    return Line(tuple(words), "q" in flags, "m" in flags, tuple(folders), "json" in flags, limit_gb)
+
+
+def _limit(text: str) -> float:
+    try:
+        if (limit := float(text)) > 0:
+            return limit
+    except ValueError:
+        pass
+    raise InputError(f"--limit-gb is {text!r}", where="command line", expected="a number of GB")
+
+
+def _is_override(word: str) -> bool:
+    return "=" in word or word.startswith("~")
 
 
 def _check_overrides(line: Line) -> None:
     from pipeline.config import options
 
     for word in line.words:
-        if "=" not in word and not word.startswith("~"):
+        if not _is_override(word):
             experiments = options("experiment", line.folders)
             raise InputError(
                 f"'{word}' is neither a command nor SETTING=VALUE",
@@ -129,8 +165,7 @@ def _check_overrides(line: Line) -> None:
 
 
 def _run(line: Line) -> int:
-    from pipeline.bench import Experiment, RunFailed
-    from pipeline.live import Counter, display
+    from pipeline.bench import Experiment
 
     if line.multirun:
         return _sweep(line)
@@ -138,6 +173,34 @@ def _run(line: Line) -> int:
     experiment = Experiment.load(line.words, line.folders)
     if experiment.configuration.sweeps:
         return _sweep(line)
+    return _carry_out(experiment, line, start)
+
+
+def _rerun(line: Line) -> int:
+    from pipeline.config import options
+    from pipeline.rerun import rerun_of
+
+    start = time.perf_counter()
+    path = Path(line.words[0])
+    rest = replace(line, words=line.words[1:])
+    if not path.exists():
+        known = options("experiment", line.folders)
+        raise InputError(
+            f"there is no run or bundle {path}",
+            where="command line",
+            expected="a folder such as runs/polarization_logo/3f2a91c0, or what `bundle` writes",
+            hint=f"did you mean '+experiment={path}'?" if str(path) in known else "",
+        )
+    if line.multirun:
+        raise InputError("a run or bundle cannot be swept", where="command line", expected="-m +experiment=NAME")
+    _check_overrides(rest)
+    return _carry_out(rerun_of(path, rest.words, line.folders, cli_review.limits(line)), rest, start)
+
+
+def _carry_out(experiment: Experiment, line: Line, start: float) -> int:
+    from pipeline.bench import RunFailed
+    from pipeline.live import Counter, display
+
     for remark in experiment.graph.remarks:
         print(remark, file=sys.stderr)
     with display(quiet=line.quiet) as shown:
@@ -286,6 +349,9 @@ COMMANDS: dict[str, Callable[[Line], int]] = {
     "why": _why,
     "list": _list,
     "show": _show,
+    "verify": cli_review.verify,
+    "diff": cli_review.diff,
+    "bundle": cli_review.bundle,
     "export": _export,
     "clean": _clean,
     "debug": _debug,
