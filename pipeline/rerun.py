@@ -32,7 +32,7 @@ from pipeline.compose import (
 from pipeline.config import LOCAL_SECTIONS, Configuration, groups, option_file
 from pipeline.errors import InputError
 from pipeline.forms import plain_yaml
-from pipeline.graph import DeviceRecipe, Node, plain
+from pipeline.nodes import DeviceRecipe, Node, plain
 from pipeline.plan import Plan
 from pipeline.record import Record
 from pipeline.runs import NodeRun, Run

@@ -14,8 +14,8 @@ from pipeline.bench import Experiment, carry_out, plan_of
 from pipeline.compare import Difference, checked_tolerance, compare
 from pipeline.errors import InputError, PipelineError
 from pipeline.executors import executor_of
-from pipeline.graph import Node
 from pipeline.messages import Messages
+from pipeline.nodes import Node
 from pipeline.outcome import Listener, Outcome, Silent
 from pipeline.plan import Plan, inputs_of
 from pipeline.provenance import commit, versions
