@@ -131,3 +131,15 @@ def test_images_become_meshes_with_y_up() -> None:
     np.testing.assert_array_equal(series.cell_data["rgb_1"][0], rgb[1, -1, 0])
     with pytest.raises(InputError, match="holds no image"):
         as_mesh(Metrics({"a": 1.0}))
+
+
+def test_a_reader_who_has_gone_is_no_error(lab: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "pipeline", "list", "stages"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        command, cwd=lab, env=environment, stdout=writer, stderr=subprocess.PIPE, text=True, check=False
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, "")
