@@ -155,26 +155,45 @@ class OnCluster:
     memory_gb: float | None = None
 
     def run(self, graph: TaskGraph, workbench: Workbench) -> dict[str, Outcome]:
-        """Run all tasks; those of a worker that dies are run by another one."""
-        from dask.distributed import as_completed
+        """Run all tasks; those of a worker that dies are run by another one.
 
+        Dask blames all tasks that wait on a worker for its death, and gives up those blamed several times. They get
+        another chance one by one, which shows the stage that kills; then the rest goes on.
+        """
         ended: dict[str, Outcome] = {}
         with self._client() as client, _listening(client, workbench.listener) as relay:
             away = self.address is not None
             bench = replace(workbench, listener=relay, cores=None if away else 1, elsewhere=away)
-            futures = client.get({BENCH: bench, **graph}, list(graph), sync=False)
-            names = {future.key: name for future, (_, name) in zip(futures, graph, strict=True)}
-            for future in as_completed(futures):
-                if future.status == "finished":
-                    outcome: Outcome = future.result()
-                else:
-                    error = future.exception()
-                    if type(error).__name__ != "KilledWorker" or str(error).find(repr(names[future.key])) < 0:
-                        continue
-                    outcome = Outcome(names[future.key], "failed", error=f"{DIED} ({error})")
-                ended[outcome.name] = outcome
-                workbench.listener.ended(outcome)
+            left = graph
+            while left:
+                blamed = self._round(client, left, bench, ended, workbench.listener)
+                for task in [task for task in left if task[1] in blamed]:
+                    alone = _remaining({task: left[task]}, ended, f"alone after {task[0]}")
+                    for name, error in self._round(client, alone, bench, ended, workbench.listener).items():
+                        ended[name] = Outcome(name, "failed", error=f"{DIED} ({error})")
+                        workbench.listener.ended(ended[name])
+                left = _remaining(left, ended, f"after {next(iter(left))[0]}") if blamed else {}
         return ended
+
+    def _round(
+        self, client: Any, graph: TaskGraph, bench: Workbench, ended: dict[str, Outcome], listener: Listener
+    ) -> dict[str, str]:
+        """Run tasks, note how each ended, and give those that dask blames for deaths of workers, with its words."""
+        from dask.distributed import as_completed
+
+        blamed: dict[str, str] = {}
+        futures = client.get({BENCH: bench, **graph}, list(graph), sync=False)
+        names = {future.key: name for future, (_, name) in zip(futures, graph, strict=True)}
+        for future in as_completed(futures):
+            if future.status == "finished":
+                outcome: Outcome = future.result()
+                ended[outcome.name] = outcome
+                listener.ended(outcome)
+                continue
+            error = future.exception()
+            if type(error).__name__ == "KilledWorker" and repr(names[future.key]) in str(error):
+                blamed[names[future.key]] = str(error)
+        return blamed
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
@@ -211,6 +230,15 @@ class OnCluster:
 
         if self.dashboard and find_spec("bokeh") is not None:
             self.log(f"dashboard: {client.dashboard_link}")
+
+
+def _remaining(graph: TaskGraph, ended: Mapping[str, Outcome], kind: str) -> TaskGraph:
+    """The tasks that have not ended, under names that dask has not heard, with the outcomes of those that have."""
+    return {
+        (kind, name): (*task, [ended.get(upstream, (kind, upstream)) for _, upstream in waits_for])
+        for (_, name), (*task, waits_for) in graph.items()
+        if name not in ended
+    }
 
 
 def _threads(workers: int | None, settings: Mapping[str, Any], log: Callable[[str], None]) -> Executor:

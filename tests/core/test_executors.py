@@ -81,6 +81,26 @@ def test_a_worker_that_dies_takes_nothing_with_it_but_its_stage(toys: Toys, word
     assert run.nodes["after"].blocked_by == ("deadly",)
 
 
+def test_only_the_stage_that_kills_workers_is_blamed_for_it(toys: Toys) -> None:
+    """Dask blames whatever waits on a worker when it dies."""
+    others = "\n".join(f"other{i}: {{stage: toy.scale, maps: raw, factor: {i + 2}}}" for i in range(6))
+    toys.graph(
+        f"""\
+raw: {{stage: toy.source}}
+deadly: {{stage: toy.kills_its_process, maps: raw}}
+waits: {{stage: toy.clip, maps: deadly}}
+{others}
+"""
+    )
+    run = toys.run("executor=distributed", "executor.workers=1", "executor.dashboard=false")
+    assert {name: node.status for name, node in run.nodes.items() if node.status not in {"ran", "cached"}} == {
+        "deadly": "failed",
+        "waits": "blocked",
+    }
+    assert "died" in run.nodes["deadly"].error
+    assert run.nodes["waits"].blocked_by == ("deadly",)
+
+
 def test_a_dead_worker_of_a_cluster_is_replaced(toys: Toys) -> None:
     toys.graph(
         f"""\
