@@ -21,6 +21,7 @@ STAGES = '''
 from __future__ import annotations
 
 import os
+import signal
 import time
 from pathlib import Path
 
@@ -67,6 +68,16 @@ def period(maps: Photo, *, label: str) -> PeriodMap:
     note(label)
     side = int(np.sqrt(maps.image.size))
     return PeriodMap(maps.image[: side * side].reshape(side, side), np.ones((side, side), bool))
+
+
+def perish(maps: Photo, *, label: str, once: str, seed: int = 0) -> Photo:
+    """Make a map; the first time, the process is killed half way."""
+    note(label)
+    time.sleep(0.02)
+    if not Path(once).exists():
+        Path(once).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return made(100, seed, 1)
 
 
 def mean(maps: list[Photo], *, label: str, ms: float = 0.3) -> Metrics:
