@@ -44,7 +44,7 @@ def _environment(done: Verification) -> list[str]:
     if then != now:
         lines.append(f"commit, then -> now: {then or 'unknown'} -> {now or 'unknown'}")
     for module, nodes in done.code.items():
-        lines.append(f"code differs: {module.replace('.', '/')}.py, on which {', '.join(nodes)} stand")
+        lines.append(f"code differs: {module.replace('.', '/')}.py, used by {', '.join(nodes)}")
     return lines
 
 
