@@ -25,7 +25,7 @@ from pipeline.parallel import cores, over_rows, thread_budget
 from pipeline.stages.fit.cosine import cosine
 
 SHAPE = (12, 2000, 3000)
-ROUNDS = 5
+ROUNDS = 15
 
 
 def photographs(dtype: type) -> tuple[np.ndarray, np.ndarray]:

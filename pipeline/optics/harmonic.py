@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import float32, njit
@@ -168,8 +169,7 @@ def fit_rows(
 ) -> Callable[[int, int], None]:
     """Prepare :func:`fit_second_harmonic` for threads: the call that reads and writes rows ``start`` to ``stop``."""
     subtract = np.zeros(len(images), np.float32) if reference is None else np.asarray(reference, np.float32)
-    photographs = images.view()
-    photographs.flags.writeable = False  # one compiled kernel for arrays and read-only memory maps
+    photographs = _read_only(images)
     weights = np.stack([fit.mean, fit.cosine, fit.sine]).astype(np.float32)
     centres = fit.centres.astype(np.float32)
     gram = (fit.gram * [1, 2, 1]).astype(np.float32)
@@ -179,6 +179,82 @@ def fit_rows(
         _fit_rows(photographs, subtract, weights, centres, gram, level, start, stop, *out)
 
     return rows
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _mask_rows(orientation, correlation, mean, valid, least, start, stop, mask):  # type: ignore[no-untyped-def]
+    nothing = np.float32(np.nan)
+    for row in range(start, stop):
+        angle, share, level, usable, kept = orientation[row], correlation[row], mean[row], valid[row], mask[row]
+        for j in range(len(angle)):
+            keep = usable[j] & np.isfinite(angle[j]) & (level[j] >= least)
+            kept[j] = keep
+            angle[j] = angle[j] if keep else nothing
+            share[j] = share[j] if keep else nothing
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _sum_rows(images, mask, start, stop, sums):  # type: ignore[no-untyped-def]
+    count, _, columns = images.shape
+    column_sum = np.empty(columns, np.float64)
+    for k in range(count):
+        column_sum[:] = 0.0
+        for row in range(start, stop):
+            here, kept = images[k, row], mask[row]
+            for j in range(columns):
+                y = here[j]  # read whether it counts or not, so that the loop has no branch
+                column_sum[j] += np.float64(y if kept[j] else np.float32(0))
+        total = 0.0
+        for j in range(columns):
+            total += column_sum[j]
+        sums[k] = total
+
+
+def mask_rows(
+    maps: HarmonicMaps, valid: NDArray[np.bool_], least: float, mask: NDArray[np.bool_]
+) -> Callable[[int, int], None]:
+    """Prepare threads to keep the pixels that are valid, modulated and bright enough, and to write NaN elsewhere.
+
+    Parameters
+    ----------
+    maps : tuple of ndarray of shape (M, N), float32
+        Orientation, correlation and mean of a fit; the first two are written where a pixel is left out.
+    valid : ndarray of shape (M, N), bool
+        Pixels to choose from.
+    least : float
+        Least mean of a pixel that is kept.
+    mask : ndarray of shape (M, N), bool
+        Written with the pixels that are kept; another array than ``valid``.
+    """
+    choice, cut = _read_only(valid), np.float32(least)
+    return lambda start, stop: _mask_rows(*maps, choice, cut, start, stop, mask)
+
+
+def sum_rows(
+    images: NDArray[np.generic], mask: NDArray[np.bool_], sums: NDArray[np.float64], tile: int
+) -> Callable[[int, int], None]:
+    """Prepare threads to sum the masked-in pixels of each photograph over rows, in float64 and always in one order.
+
+    Parameters
+    ----------
+    images : ndarray of shape (K, M, N)
+        Photographs.
+    mask : ndarray of shape (M, N), bool
+        Pixels that count.
+    sums : ndarray of shape (tiles, K), float64
+        Written, a row for every ``tile`` rows of the photographs.
+    tile : int
+        Rows that a thread is given at a time.
+    """
+    photographs, kept = _read_only(images), _read_only(mask)
+    return lambda start, stop: _sum_rows(photographs, kept, start, stop, sums[start // tile])
+
+
+def _read_only(values: NDArray[Any]) -> NDArray[Any]:
+    """A view for kernels, which then are compiled once for arrays and read-only memory maps."""
+    view = np.asarray(values).view()
+    view.flags.writeable = False
+    return view
 
 
 def fit_second_harmonic(

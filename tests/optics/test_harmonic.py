@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.optics.angles import axial_difference
-from pipeline.optics.harmonic import empty_maps, fit_rows, fit_second_harmonic, harmonic_fit
+from pipeline.optics.harmonic import empty_maps, fit_rows, fit_second_harmonic, harmonic_fit, mask_rows, sum_rows
 
 EQUAL = np.arange(12) * np.pi / 12
 UNEQUAL = np.deg2rad([0, 13, 26.5, 41, 52, 64, 79, 90, 104, 117, 131, 143])
@@ -123,6 +123,36 @@ def test_rows_can_be_shared_out():
     rows(0, 17)
     for part, full in zip(maps, whole, strict=True):
         np.testing.assert_array_equal(part, full)
+
+
+def test_pixels_that_are_left_out_are_nan_and_masked():
+    rng = np.random.default_rng(0)
+    maps = tuple(rng.random((3, 30, 1100), np.float32))
+    maps[0][rng.random(maps[0].shape) > 0.9] = np.nan
+    before = [part.copy() for part in maps]
+    valid = rng.random(maps[0].shape) > 0.2
+    mask = np.empty_like(valid)
+    rows = mask_rows(maps, valid, 0.25, mask)
+    rows(11, 30)
+    rows(0, 11)
+    np.testing.assert_array_equal(mask, valid & np.isfinite(before[0]) & (before[2] >= 0.25))
+    for part, was in zip(maps[:2], before[:2], strict=True):
+        np.testing.assert_array_equal(part, np.where(mask, was, np.nan))
+    np.testing.assert_array_equal(maps[2], before[2])
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.uint16])
+def test_sums_over_the_mask_are_those_of_numpy_whatever_lies_outside(dtype):
+    rng = np.random.default_rng(0)
+    images = (60000 * rng.random((5, 50, 70))).astype(dtype)
+    mask = rng.random((50, 70)) > 0.4
+    if dtype is np.float32:
+        images[:, ~mask] = np.nan
+    sums = np.zeros((3, 5))
+    rows = sum_rows(images, mask, sums, 20)
+    for start in (40, 0, 20):
+        rows(start, min(start + 20, 50))
+    np.testing.assert_allclose(sums.sum(axis=0), images.sum(axis=(1, 2), where=mask, dtype=np.float64), rtol=1e-14)
 
 
 @pytest.mark.parametrize("angles", [[0, 1], [0, 1, 1 + np.pi], [0.5] * 12])

@@ -100,6 +100,19 @@ def test_a_dark_ground_is_masked_and_takes_no_part_in_prenormalising(caplog):
     np.testing.assert_allclose(found.orientation_rad[:, :50], alone.orientation_rad, atol=1e-5)
 
 
+@pytest.mark.parametrize("valid_share", [1.0, 0.002])
+def test_the_threshold_of_a_large_photograph_lies_between_ground_and_print(valid_share):
+    """From a part of the pixels, but not so few that a small region of interest has none."""
+    rng = np.random.default_rng(0)
+    prints = np.zeros((900, 1200), bool)
+    prints[:, :400] = True
+    level = np.where(prints, 0.3, 0.02) * rng.uniform(0.9, 1.1, prints.shape)
+    photos = sequence(level * (1 + 0.2 * np.cos(2 * TWELVE - 1))[:, None, None], TWELVE)
+    valid = rng.random(prints.shape) < valid_share
+    found = cosine(dataclasses.replace(photos, valid=valid), prenormalize=False)
+    np.testing.assert_array_equal(found.mask, prints & valid)
+
+
 def test_a_scene_of_one_broad_mode_keeps_all_its_pixels(caplog):
     level = np.exp(np.random.default_rng(0).normal(-2, 0.8, (100, 100)))
     signal = np.minimum(level, 0.9) * (1 + 0.1 * np.cos(2 * TWELVE - 1))[:, None, None]

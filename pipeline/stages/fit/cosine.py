@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import BoolArray, FloatArray, OrientationMap, PolarizerSequence
 from pipeline.errors import InputError
-from pipeline.optics.harmonic import HarmonicFit, HarmonicMaps, empty_maps, fit_rows, harmonic_fit
+from pipeline.optics.harmonic import HarmonicFit, empty_maps, fit_rows, harmonic_fit, mask_rows, sum_rows
 from pipeline.optics.threshold import two_modes
 from pipeline.parallel import over_rows
 
@@ -17,6 +18,8 @@ _log = logging.getLogger(__name__)
 
 _ILL_CONDITIONED = 20.0
 _UNKNOWNS = 3
+_THRESHOLD_PIXELS = 100_000
+_TILE = 128
 
 # Processors round sines and cosines differently in the last bits of float32: up to 1e-6 was seen.
 _tolerance_cosine = {"orientation_rad": 1e-5, "correlation": 1e-5, "intensity": 1e-5}
@@ -66,10 +69,12 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
     sections 5.3 and 7.3; eq. 9.
     """
     fit = _checked_fit(photos)
-    orientation, correlation, intensity = _fit(photos.images, fit)
-    mask = photos.valid & np.isfinite(orientation)
-    cut = _automatic_threshold(intensity, mask) if threshold is None else threshold
-    mask &= intensity >= cut
+    maps = empty_maps(*photos.valid.shape)
+    orientation, correlation, intensity = maps
+    over_rows(fit_rows(photos.images, fit, None, maps), len(intensity), tile=_TILE)
+    cut = _automatic_threshold(intensity, photos.valid) if threshold is None else threshold
+    mask = np.empty(photos.valid.shape, np.bool_)
+    over_rows(mask_rows(maps, photos.valid, cut, mask), len(mask), tile=_TILE)
     if not mask.any():
         raise InputError(
             f"no pixel is valid, modulated and brighter than {cut:.3g}",
@@ -79,10 +84,14 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
     if prenormalize:
         level = _photo_means(photos.images, mask)
         _report_common(fit, level)
-        orientation, correlation, intensity = _fit(photos.images, fit, level)
-        mask &= np.isfinite(orientation)
-    orientation[~mask] = np.nan
-    correlation[~mask] = np.nan
+        chosen, mask = mask, np.empty_like(mask)
+        refit, leave_out = fit_rows(photos.images, fit, level, maps), mask_rows(maps, chosen, -np.inf, mask)
+
+        def refit_masked(start: int, stop: int) -> None:
+            refit(start, stop)
+            leave_out(start, stop)
+
+        over_rows(refit_masked, len(mask), tile=_TILE)
     if len(photos.images) == _UNKNOWNS:
         _log.warning(
             "A cosine goes exactly through three photographs, whatever they show: how well it fits is not known. Take "
@@ -92,23 +101,10 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
     return OrientationMap(orientation, correlation, intensity, mask, photos.pixel_mm)
 
 
-def _fit(images: FloatArray, fit: HarmonicFit, reference: NDArray[np.float64] | None = None) -> HarmonicMaps:
-    """The fit on as many cores as the stage may use."""
-    height, width = images.shape[1:]
-    maps = empty_maps(height, width)
-    over_rows(fit_rows(images, fit, reference, maps), height, tile=128)
-    return maps
-
-
 def _photo_means(images: FloatArray, mask: BoolArray) -> NDArray[np.float64]:
-    means = np.empty(len(images))
-
-    def average(start: int, stop: int) -> None:
-        for k in range(start, stop):
-            means[k] = np.mean(images[k], where=mask, dtype=np.float64)
-
-    over_rows(average, len(images), tile=1)
-    return means
+    sums = np.zeros((-(-len(mask) // _TILE), len(images)))
+    over_rows(sum_rows(images, mask, sums, _TILE), len(mask), tile=_TILE)
+    return sums.sum(axis=0) / np.count_nonzero(mask)
 
 
 def _checked_fit(photos: PolarizerSequence) -> HarmonicFit:
@@ -127,7 +123,9 @@ def _checked_fit(photos: PolarizerSequence) -> HarmonicFit:
 
 
 def _automatic_threshold(intensity: FloatArray, valid: BoolArray) -> float:
-    modes = two_modes(intensity[valid])
+    """The cut between ground and print, from an even grid of pixels."""
+    step = max(1, math.isqrt(np.count_nonzero(valid) // _THRESHOLD_PIXELS))
+    modes = two_modes(intensity[::step, ::step][valid[::step, ::step]])
     figures = (
         f"Otsu's cut explains {modes.separability:.2f} of the variance of the log intensity, "
         f"valley {modes.valley:.2f}, bright over dark {modes.ratio:.1f}"
