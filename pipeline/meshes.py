@@ -32,7 +32,7 @@ def as_mesh(value: Any) -> Any:
     try:
         import pyvista
     except ImportError:
-        raise InputError("meshes need the package pyvista", expected="pip install 'optibench[mesh]'") from None
+        raise InputError("meshes need the package pyvista", expected="pip install pyvista") from None
     arrays = {f.name: np.asarray(getattr(value, f.name)) for f in fields(value)} if is_dataclass(value) else {}
     images = {name: image for name, array in arrays.items() for name, image in _images(name, array)}
     shapes = {image.shape[:2] for image in images.values()}

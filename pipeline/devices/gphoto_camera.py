@@ -20,7 +20,7 @@ from pipeline.limits import above_zero, refuse
 
 log = logging.getLogger(__name__)
 
-_INSTALL = "pip install optibench[lab]"
+_INSTALL = "pip install gphoto2"
 _SETTLE_S, _SETTLE_POLL_S = 2.0, 0.05
 _SWITCH = {"on": 1, "true": 1, "off": 0, "false": 0}
 _STATED = {

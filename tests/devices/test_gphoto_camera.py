@@ -162,10 +162,10 @@ def test_it_is_opened_before_it_takes_photos() -> None:
 
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gphoto2", None)
-    with pytest.raises(DeviceError, match=r"gphoto2 is not installed: pip install optibench\[lab\]"):
+    with pytest.raises(DeviceError, match=r"gphoto2 is not installed: pip install gphoto2"):
         GphotoCamera().__enter__()
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"pip install optibench\[lab\]"):
+    with pytest.raises(InputError, match=r"pip install gphoto2"):
         GphotoCamera().check()
 
 
