@@ -260,7 +260,7 @@ def _distributed(workers: int | None, settings: Mapping[str, Any], log: Callable
         raise InputError(
             "the executor 'distributed' needs the package of that name",
             where="executor.kind",
-            expected="pip install 'optibench[cluster]'",
+            expected="pip install distributed",
         ) from None
     return OnCluster(workers or cores(), settings.get("address"), bool(settings.get("dashboard", True)), log)
 
