@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -39,9 +40,14 @@ class ModuleSource:
     signatures: dict[str, Signature]
 
 
-@cache
 def declared(group: str) -> list[str]:
     """Packages that installed distributions declare under an entry-point group."""
+    return list(_declared(group, tuple(sys.path)))
+
+
+@cache
+def _declared(group: str, places: tuple[str, ...]) -> list[str]:
+    """The same, found once for each list of places where Python looks for packages."""
     return sorted({point.value for point in entry_points(group=group)} - {group})
 
 
