@@ -197,3 +197,16 @@ def test_real_photographs_give_the_angle_of_linear_polarisation_of_polanalyser(m
     assert np.nanmedian(difference) < 1e-4
     assert found.mask.mean() > 0.99
     assert axial_median(axial_difference(found.orientation_rad, oracle)[found.mask]) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("count", [4, 12])
+def test_a_map_of_noise_is_warned_of(count, caplog):
+    angles = np.arange(count) * np.pi / count
+    rng = np.random.default_rng(0)
+    noise = 0.4 + 0.01 * rng.standard_normal((count, 60, 60))
+    cosine(sequence(noise, angles), prenormalize=False)
+    assert "the orientations may mean nothing" in caplog.text
+    caplog.clear()
+    theta = np.linspace(0, np.pi, 60, endpoint=False)[None] * np.ones((60, 1))
+    cosine(sequence(response(theta, angles, 1.1, 45) / 3 + 0.01 * noise, angles), prenormalize=False)
+    assert "may mean nothing" not in caplog.text

@@ -17,6 +17,8 @@ from pipeline.parallel import over_rows
 _log = logging.getLogger(__name__)
 
 _ILL_CONDITIONED = 20.0
+_LEAST_BEYOND_NOISE = 0.25
+_SAMPLES = 40_000
 _UNKNOWNS = 3
 _THRESHOLD_PIXELS = 100_000
 _TILE = 128
@@ -98,7 +100,26 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
             "at least four."
         )
         correlation[:] = np.nan
+    else:
+        _report_noise(correlation, mask, len(photos.images))
     return OrientationMap(orientation, correlation, intensity, mask, photos.pixel_mm)
+
+
+def _report_noise(correlation: FloatArray, mask: BoolArray, count: int) -> None:
+    """Warn where the cosine explains hardly more than it would of noise.
+
+    Of Gaussian noise it explains a share that is distributed as Beta(1, (count - 3) / 2).
+    """
+    step = max(1, int(np.sqrt(correlation.size / _SAMPLES)))
+    explained = float(np.median(np.square(correlation[::step, ::step][mask[::step, ::step]], dtype=np.float64)))
+    of_noise = 1 - 0.5 ** (2 / (count - _UNKNOWNS))
+    if explained < of_noise + _LEAST_BEYOND_NOISE * (1 - of_noise):
+        _log.warning(
+            "The cosine explains %.0f percent of what varies in most pixels, and %.0f percent of mere noise: the "
+            "orientations may mean nothing.",
+            100 * explained,
+            100 * of_noise,
+        )
 
 
 def _photo_means(images: FloatArray, mask: BoolArray) -> NDArray[np.float64]:
