@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -28,8 +27,7 @@ def test_crowds(workshop: Workshop, warm: Warm, tally: Tally, size: int, rounds:
     lost = 0
     expected: dict[str, dict[str, str]] = {}
     for number in range(seed, seed + 3 * rounds, 3):
-        shutil.rmtree(workshop.runs, ignore_errors=True)
-        workshop.diary.unlink(missing_ok=True)
+        workshop.start_again(forget=number % 2 == 0)
         overrides = [OVERLAPPING[(number + index) % len(OVERLAPPING)] for index in range(size)]
         answers = warm.run_all([workshop.words("executor.workers=2", *words) for words in overrides])
         assert [status for status, _, _ in answers] == [0] * size, [said for _, _, said in answers]

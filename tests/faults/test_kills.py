@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import shutil
 
 import pytest
 from workshop import Tally, Warm, Workshop
@@ -34,23 +33,11 @@ def nothing_torn(workshop: Workshop) -> None:
         open_run(manifest.parent)
 
 
-def start_again(workshop: Workshop, *, forget: bool = False) -> None:
-    """Remove all results, and what is remembered of sources and compositions only if asked to."""
-    memory, kept = workshop.runs / ".store" / "memory", workshop.folder / "memory"
-    if not forget and memory.is_dir():
-        shutil.rmtree(kept, ignore_errors=True)
-        memory.rename(kept)
-    shutil.rmtree(workshop.runs, ignore_errors=True)
-    if not forget and kept.is_dir():
-        shutil.copytree(kept, memory)
-    workshop.diary.unlink(missing_ok=True)
-
-
 def reference(workshop: Workshop, warm: Warm) -> tuple[dict[str, str], float]:
     """Digests of an undisturbed run, and the seconds that one takes."""
     seconds = []
     for _ in range(4):
-        start_again(workshop)
+        workshop.start_again()
         status, spent, said = warm.run(workshop.words())
         assert status == 0, said
         seconds.append(spent)
@@ -63,7 +50,7 @@ def test_kills_at_random_moments(workshop: Workshop, warm: Warm, tally: Tally, s
     rng = random.Random(seed)
     kills = lost = 0
     while kills < 30:
-        start_again(workshop, forget=rng.random() < 0.2)
+        workshop.start_again(forget=rng.random() < 0.2)
         kept: dict[str, str] = {}
         for _ in range(rng.randint(1, 4)):
             status, _, said = warm.run(workshop.words(), kill_after_s=rng.uniform(0, whole_s))
@@ -91,13 +78,13 @@ def resumed(workshop: Workshop, warm: Warm, kept: dict[str, str], expected: dict
 def test_kills_of_a_run_and_its_processes(workshop: Workshop, warm: Warm, tally: Tally) -> None:
     words = workshop.words("executor=processes", "executor.workers=2")
     expected, _ = reference(workshop, warm)
-    start_again(workshop)
+    workshop.start_again()
     _, whole_s, said = warm.run(words)
     assert "report: " in said, said
     rng = random.Random(99)
     kills = lost = 0
     while kills < 10:
-        start_again(workshop)
+        workshop.start_again()
         status, _, said = warm.run(words, kill_after_s=rng.uniform(0.2 * whole_s, whole_s))
         assert status in {0, KILLED}, said
         kills += status == KILLED

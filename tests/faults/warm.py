@@ -23,7 +23,11 @@ def child(job: dict[str, Any], modules: int | None) -> int:
     with open(job["output"], "w") as file:
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
-    status = main(job["words"])
+    words = job["words"]
+    while words[0].startswith("DRILL_"):
+        name, _, value = words.pop(0).partition("=")
+        os.environ[name] = value
+    status = main(words)
     sys.stdout.flush()
     sys.stderr.flush()
     if modules is not None:
@@ -79,4 +83,5 @@ def serve() -> None:
 
 
 if __name__ == "__main__":
+    os.fsync = lambda descriptor: None  # a machine that loses its power needs it, a process that is killed does not
     serve()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -87,6 +88,91 @@ def mean(maps: list[Photo], *, label: str, ms: float = 0.3) -> Metrics:
     return Metrics({f"mean_{i}_um": float(m.image.mean()) for i, m in enumerate(maps)})
 '''
 
+DEVICES = '''
+from __future__ import annotations
+
+import os
+import signal
+import time
+from math import degrees
+
+import numpy as np
+
+from drillbench.stages.drill.maps import note
+from pipeline.data import Photo
+from pipeline.devices.rotation_mount import SimulatedRotationMount
+from pipeline.errors import DeviceError
+
+STANDS = {"rad": 0.0}
+EXPOSED = {"count": 0}
+
+
+class Mount(SimulatedRotationMount):
+    """The simulated mount, slow enough to be met by a fault on its way; the fault is no setting of the capture."""
+
+    def __init__(self) -> None:
+        scale = 20 if "DRILL_DRIVE" in os.environ else 200
+        super().__init__(time_scale=scale, heartbeat_s=0.02, response_s=0.3, timeout_s=0.3)
+
+    def __enter__(self) -> Mount:
+        EXPOSED["count"] = 0
+        fault, _, place = os.environ.get("DRILL_DRIVE", "").partition(" at ")
+        if fault:
+            self.inject(fault, at_deg=float(place))
+        super().__enter__()
+        return self
+
+    def move_to(self, angle_rad: float) -> float:
+        try:
+            STANDS["rad"] = super().move_to(angle_rad)
+        except BaseException:
+            before = self.shaft_rad
+            time.sleep(0.02)
+            note("standing" if self.shaft_rad == before else "moving")
+            raise
+        return STANDS["rad"]
+
+
+class Camera:
+    """A camera in a laboratory, which fails or kills its process at a photograph of one attempt if asked to."""
+
+    physical = True
+
+    def expose(self) -> Photo:
+        EXPOSED["count"] += 1
+        fault, _, number = os.environ.get("DRILL_CAMERA", "").partition(" at ")
+        if fault and EXPOSED["count"] == int(number):
+            if fault == "kill":
+                os.kill(os.getpid(), signal.SIGKILL)
+            raise DeviceError("camera Drill does not take the photo: its battery is empty")
+        time.sleep(0.03 if "DRILL_DRIVE" in os.environ else 0.003)
+        phase = np.linspace(0, np.pi, 12, dtype=np.float32).reshape(3, 4)
+        image = 0.5 + 0.4 * np.cos(2 * (STANDS["rad"] - phase))
+        note(f"photo_{round(degrees(STANDS['rad']))}")
+        return Photo(image.astype(np.float32), np.zeros((3, 4), bool), 0.03)
+
+
+class Lamp:
+    """A lamp that says when it is switched."""
+
+    def switch(self, on: bool) -> None:
+        note("light_on" if on else "light_off")
+'''
+
+ENTRY_POINTS = """\
+[pipeline.stages]
+drill = drillbench.stages
+[pipeline.devices]
+drill = drillbench.devices
+"""
+
+RIG = {
+    "device": "lab.PolarizationBench",
+    "camera": {"device": "drill.Camera"},
+    "mount": {"device": "drill.Mount"},
+    "light": {"device": "drill.Lamp"},
+}
+
 GRAPH = {
     "rough": {"stage": "drill.make", "size": 512, "ms": 5},
     "small": {"stage": "drill.make", "seed": 1},
@@ -128,18 +214,22 @@ class Workshop:
         for package in (stages, stages.parent, stages.parent.parent):
             (package / "__init__.py").touch()
         (stages / "maps.py").write_text(STAGES)
+        devices = self.folder / "drillbench" / "devices"
+        devices.mkdir()
+        (devices / "__init__.py").touch()
+        (devices / "drill.py").write_text(DEVICES)
         info = self.folder / "drillbench-1.0.dist-info"
         info.mkdir()
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: drillbench\nVersion: 1.0\n")
-        (info / "entry_points.txt").write_text("[pipeline.stages]\ndrill = drillbench.stages\n")
+        (info / "entry_points.txt").write_text(ENTRY_POINTS)
         self.experiment("drill", GRAPH)
         self.table.write_text("0.25 0.5 0.75\n")
         self.experiment("table", {"read": {"stage": "drill.read", "table": str(self.table)}, **WITH_TABLE})
         return self
 
-    def experiment(self, name: str, graph: Mapping[str, Mapping[str, Any]]) -> None:
+    def experiment(self, name: str, graph: Mapping[str, Mapping[str, Any]], *, labelled: bool = True) -> None:
         """Write an experiment; each node is labelled by its name."""
-        nodes = {node: {"label": node, **written} for node, written in graph.items()}
+        nodes = {node: {"label": node, **written} if labelled else written for node, written in graph.items()}
         file = self.configs / "experiment" / f"{name}.yaml"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(f"# @package _global_\n{json.dumps({'graph': nodes})}\n")
@@ -161,6 +251,17 @@ class Workshop:
         """The store, as a process sees it that has read nothing of it yet."""
         return Store(self.runs / ".store")
 
+    def start_again(self, *, forget: bool = False) -> None:
+        """Remove all results, and what is remembered of sources and compositions only if asked to."""
+        memory, kept = self.runs / ".store" / "memory", self.folder / "memory"
+        if not forget and memory.is_dir():
+            shutil.rmtree(kept, ignore_errors=True)
+            memory.rename(kept)
+        shutil.rmtree(self.runs, ignore_errors=True)
+        if not forget and kept.is_dir():
+            shutil.copytree(kept, memory)
+        self.diary.unlink(missing_ok=True)
+
     def run(self, experiment: str = "drill") -> Run:
         """The only run of an experiment, as its folder tells it."""
         (manifest,) = self.runs.glob(f"{experiment}/*/manifest.json")
@@ -177,8 +278,8 @@ class Workshop:
 class Warm:
     """A process that has imported all that a run imports, and forks one for each run."""
 
-    def __init__(self, workshop: Workshop) -> None:
-        self.workshop = workshop
+    def __init__(self, workshop: Workshop, experiment: str = "drill") -> None:
+        self.workshop, self.experiment = workshop, experiment
         self.output = workshop.folder / "output"
         self.output.mkdir()
         self._count = 0
@@ -191,7 +292,8 @@ class Warm:
             env={**os.environ, **self.workshop.environment()},
             text=True,
         )
-        self.run(self.workshop.words(f"paths.runs={self.workshop.folder / 'warming'}", "executor.workers=2"))
+        elsewhere = [f"paths.runs={self.workshop.folder / 'warming'}", "executor.workers=2"]
+        self.run(self.workshop.words(*elsewhere, experiment=self.experiment))
         self.workshop.diary.unlink()
         return self
 
@@ -201,7 +303,10 @@ class Warm:
         self._process.wait(10)
 
     def run(self, words: Sequence[str], kill_after_s: float | None = None) -> tuple[int, float, str]:
-        """Run the command line; gives its exit status (-9 if killed), the seconds it took, and what it printed."""
+        """Run the command line; gives its exit status (-9 if killed), the seconds it took, and what it printed.
+
+        Words such as ``DRILL_CAMERA=...`` at the beginning go into its environment.
+        """
         return self.run_all([words], kill_after_s)[0]
 
     def run_all(
