@@ -10,7 +10,7 @@ from pathlib import Path
 
 import OpenImageIO as oiio
 import pytest
-from test_kills import nothing_torn
+from test_kills import kept
 from workshop import GRAPH, Tally, Workshop
 
 from pipeline.cli import main
@@ -54,18 +54,15 @@ def outputs(workshop: Workshop) -> dict[str, str]:
     return found | {path.name: digest_array(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)) for path in exr}
 
 
-@pytest.mark.parametrize("executor", ["threads", "serial"])
-def test_a_disk_that_fills_up(
-    workshop: Workshop, disk: Path, tally: Tally, capsys: pytest.CaptureFixture[str], executor: str
-) -> None:
+def test_a_disk_that_fills_up(workshop: Workshop, disk: Path, tally: Tally, capsys: pytest.CaptureFixture[str]) -> None:
     workshop.experiment("drill", {**GRAPH, "period": {"stage": "drill.period", "maps": "rough"}})
-    words = workshop.words(f"executor={executor}")
-    assert main(words) == 0
+    assert main(workshop.words()) == 0
     expected = workshop.artifacts(), outputs(workshop)
     assert {"period.exr", "period.png"} < set(expected[1])
     full = lost = 0
-    for kb in ROOM_KB:
-        shutil.rmtree(workshop.runs)
+    for number, kb in enumerate(ROOM_KB):
+        words = workshop.words("executor=threads" if number % 2 else "executor=serial")
+        workshop.start_again()
         leave(disk, kb)
         capsys.readouterr()
         status = main(words)
@@ -73,7 +70,7 @@ def test_a_disk_that_fills_up(
         full += status != 0
         if status:
             lost += "Traceback" in said or str(disk) not in said or not re.search(r"is full|No space left", said)
-        nothing_torn(workshop)
+        kept(workshop)
         (disk / "ballast").unlink()
         assert main(words) == 0
         lost += (workshop.artifacts(), outputs(workshop)) != expected

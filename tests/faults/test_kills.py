@@ -12,25 +12,19 @@ from pipeline.runs import open_run
 KILLED = -9
 
 
-def finished(workshop: Workshop) -> dict[str, str]:
-    """Text of every record that the store holds with its value, each value found to be what its digest says."""
-    store = workshop.store()
-    found = {}
-    for path in (store.root / "recipes").glob("*/*.json"):
-        record = store.find(path.stem)
-        assert record is not None, f"{path} is half-written"
-        store.get(record.artifact)
-        found[path.stem] = path.read_text()
-    return found
-
-
-def nothing_torn(workshop: Workshop) -> None:
-    """Every value and every manifest that bears its name is whole."""
+def kept(workshop: Workshop) -> dict[str, str]:
+    """Text of every record that the store holds; all that bears its name is found to be whole."""
     store = workshop.store()
     for folder in (store.root / "objects").glob("[!.]*/*"):
         store.get(folder.name)
     for manifest in workshop.runs.glob("*/*/manifest.json"):
         open_run(manifest.parent)
+    found = {path.stem: path.read_text() for path in (store.root / "recipes").glob("*/*.json")}
+    for key in found:
+        record = store.record(key)
+        assert record is not None, f"the record {key} is half-written"
+        store.get(record.artifact)
+    return found
 
 
 def reference(workshop: Workshop, warm: Warm) -> tuple[dict[str, str], float]:
@@ -49,30 +43,30 @@ def test_kills_at_random_moments(workshop: Workshop, warm: Warm, tally: Tally, s
     expected, whole_s = reference(workshop, warm)
     rng = random.Random(seed)
     kills = lost = 0
-    while kills < 30:
+    while kills < 26:
         workshop.start_again(forget=rng.random() < 0.2)
-        kept: dict[str, str] = {}
+        before: dict[str, str] = {}
         for _ in range(rng.randint(1, 4)):
             status, _, said = warm.run(workshop.words(), kill_after_s=rng.uniform(0, whole_s))
             assert status in {0, KILLED}, said
             kills += status == KILLED
-            nothing_torn(workshop)
-            now = finished(workshop)
-            lost += not now.items() >= kept.items()
-            kept = now
-        lost += not resumed(workshop, warm, kept, expected)
+            now = kept(workshop)
+            lost += not now.items() >= before.items()
+            before = now
+        lost += not resumed(workshop, warm, before, expected)
     tally("SIGKILL at a random moment", kills, lost)
 
 
-def resumed(workshop: Workshop, warm: Warm, kept: dict[str, str], expected: dict[str, str]) -> bool:
+def resumed(workshop: Workshop, warm: Warm, before: dict[str, str], expected: dict[str, str]) -> bool:
     """Whether another run ends as an undisturbed one does, and computes nothing that had been kept."""
-    before = workshop.computed()
+    computed = workshop.computed()
     status, _, said = warm.run(workshop.words())
     assert status == 0, said
     run, after = workshop.run(), workshop.computed()
-    again = [node.name for node in run.nodes.values() if node.key in kept and after[node.name] != before[node.name]]
+    again = [node.name for node in run.nodes.values() if node.key in before and after[node.name] != computed[node.name]]
+    artifacts = {name: node.artifact for name, node in run.nodes.items()}
     whole = run.report.read_text().rstrip().endswith("</html>")
-    return not again and whole and finished(workshop).items() >= kept.items() and workshop.artifacts() == expected
+    return not again and whole and kept(workshop).items() >= before.items() and artifacts == expected
 
 
 def test_kills_of_a_run_and_its_processes(workshop: Workshop, warm: Warm, tally: Tally) -> None:
@@ -88,6 +82,5 @@ def test_kills_of_a_run_and_its_processes(workshop: Workshop, warm: Warm, tally:
         status, _, said = warm.run(words, kill_after_s=rng.uniform(0.2 * whole_s, whole_s))
         assert status in {0, KILLED}, said
         kills += status == KILLED
-        nothing_torn(workshop)
-        lost += not resumed(workshop, warm, finished(workshop), expected)
+        lost += not resumed(workshop, warm, kept(workshop), expected)
     tally("SIGKILL of a run and its processes", kills, lost)

@@ -256,7 +256,7 @@ class Workshop:
         memory, kept = self.runs / ".store" / "memory", self.folder / "memory"
         if not forget and memory.is_dir():
             shutil.rmtree(kept, ignore_errors=True)
-            memory.rename(kept)
+            shutil.move(memory, kept)
         shutil.rmtree(self.runs, ignore_errors=True)
         if not forget and kept.is_dir():
             shutil.copytree(kept, memory)
