@@ -140,8 +140,9 @@ class FileDigests:
         known = self._known.get(key)
         if known is not None and known[:-1] == now:
             return str(known[-1])
+        lasting = settled([now])
         found = digest_file(path)
-        if settled([now]):
+        if lasting:
             self._known[key] = [*now, found]
             self._fresh = True
         return found

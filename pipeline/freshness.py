@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import marshal
+import os
+import struct
 import sys
 import time
 from collections.abc import Iterable
+from importlib.util import MAGIC_NUMBER, cache_from_source
+from pathlib import Path
 
 from pipeline.errors import InputError, PipelineError
+from pipeline.files import stamp
 from pipeline.source import ROOT, Code, Sources
 
 _STARTED_NS = time.time_ns()
@@ -27,11 +33,12 @@ def bring_up_to_date(codes: Iterable[Code], sources: Sources) -> None:
     digests = {name: code for one in codes for name, (code, _) in one.modules.items()}
     changed = set()
     for name, code in digests.items():
+        compiled_of_another = _drop_outdated(sources.file_of(name))
         if name not in sys.modules:
             _seen[name] = code
         elif name not in _seen:
             _seen[name] = code
-            if _edited_since_start(name, sources):
+            if compiled_of_another or _edited_since_start(name, sources):
                 changed.add(name)
         elif _seen[name] != code:
             changed.add(name)
@@ -66,4 +73,29 @@ def check_same(code: Code, sources: Sources) -> None:
 
 def _edited_since_start(name: str, sources: Sources) -> bool:
     path = sources.file_of(name)
-    return path is not None and path.stat().st_mtime_ns > _STARTED_NS
+    return path is not None and max(stamp(path)[1:3]) > _STARTED_NS
+
+
+def _drop_outdated(path: Path | None) -> bool:
+    """Remove a compiled file that Python would take for this source though it was made of another text.
+
+    Python knows it by the size and the time of the source, which an edit may leave as they were; it can be outdated
+    where it is older than the last change of the source's status, and then what it holds tells.
+    """
+    try:
+        if path is None:
+            return False
+        compiled, source = Path(cache_from_source(path)), path.stat()
+        if compiled.stat().st_mtime_ns > source.st_ctime_ns:
+            return False
+        data = compiled.read_bytes()
+        header = struct.pack("<4sIII", MAGIC_NUMBER, 0, int(source.st_mtime) & 0xFFFFFFFF, source.st_size & 0xFFFFFFFF)
+        if data[: len(header)] != header:
+            return False
+        if marshal.loads(data[len(header) :]) == compile(path.read_bytes(), path, "exec", dont_inherit=True):
+            os.utime(compiled)
+            return False
+        compiled.unlink()
+    except (OSError, NotImplementedError):
+        return False
+    return True

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
+import py_compile
 import shutil
 import sys
 from pathlib import Path
@@ -189,3 +191,46 @@ def test_runs_that_cannot_be_written_are_found_before_anything_runs(toys: Toys) 
     with pytest.raises(InputError, match=r"folder .*file/runs cannot be written to[\s\S]*paths.runs"):
         toys.run(f"paths.runs={toys.folder / 'file' / 'runs'}", f"paths.store={toys.folder / 'store'}")
     assert not list((toys.folder / "store").rglob("*.npy"))
+
+
+def changed_unnoticed(path: Path, old: str, new: str) -> None:
+    """Edit a file and give it the time it had."""
+    before = path.stat()
+    path.write_text(path.read_text().replace(old, new))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert (path.stat().st_size, path.stat().st_mtime_ns) == (before.st_size, before.st_mtime_ns)
+
+
+@pytest.fixture
+def long_ago(toys: Toys, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Code written long ago, in a process that has run none of it."""
+    for path in toys.package.rglob("*.py"):
+        os.utime(path, (1e9, 1e9))
+    toys.forget()
+    monkeypatch.setattr("pipeline.freshness._seen", {})
+
+
+@pytest.mark.usefixtures("long_ago")
+def test_an_edit_whose_time_was_set_back_is_run_by_the_process_that_imported_the_code_before(toys: Toys) -> None:
+    importlib.import_module("toybench.stages.toy.maps")
+    changed_unnoticed(toys.helper, "array * factor", "array + factor")
+    assert loaded(toys, "graph.raw.value=5").run(Silent())["big"].period_um[0, 0] == 8
+
+
+@pytest.mark.usefixtures("long_ago")
+@pytest.mark.parametrize("imported", [False, True])
+def test_what_python_compiled_of_an_older_text_is_not_run(toys: Toys, imported: bool) -> None:
+    compiled = Path(py_compile.compile(str(toys.helper), doraise=True))
+    changed_unnoticed(toys.helper, "array * factor", "array + factor")
+    if imported:
+        module = importlib.import_module("toybench.arithmetic")
+        assert module.scaled(5, 3) == 15
+    assert loaded(toys, "graph.raw.value=5").run(Silent())["big"].period_um[0, 0] == 8
+    assert not compiled.exists()
+
+
+def test_what_python_compiled_of_the_same_text_is_kept(toys: Toys) -> None:
+    compiled = Path(py_compile.compile(str(toys.helper), doraise=True))
+    os.utime(compiled, (1e9, 1e9))
+    toys.run()
+    assert compiled.stat().st_mtime_ns > toys.helper.stat().st_ctime_ns
