@@ -206,23 +206,21 @@ def chosen_experiment(texts: Sequence[str], folders: Sequence[Path] = ()) -> str
 
 
 def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[Path]) -> dict[str, Any]:
-    from hydra import compose as hydra_compose
     from omegaconf import OmegaConf
 
     check_paths(texts)
     with readable_errors(" ".join(overrides)):
-        with hydra_ready(folders) as search:
-            words = [*search, *(quoted(text) for text in texts)]
-            composed = hydra_compose("config", overrides=words, return_hydra_config=True)
+        composed, graph = _by_hydra(texts, folders)
         choices = dict(composed.hydra.runtime.choices)
         sweeps = str(composed.hydra.mode).endswith("MULTIRUN")
-        raw = OmegaConf.to_container(composed, resolve=False)
         OmegaConf.set_struct(composed, False)
         del composed["hydra"]
+        raw = OmegaConf.to_container(composed, resolve=False)
         content = OmegaConf.to_container(composed, resolve=True)
     assert isinstance(content, dict)
     assert isinstance(raw, dict)
-    raw.pop("hydra")
+    if graph is not None:
+        raw["graph"] = content["graph"] = graph
     files = [(configs_folder() / "config.yaml", "")]
     for group, choice in choices.items():
         if isinstance(choice, str) and not group.startswith("hydra"):
@@ -237,6 +235,27 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
         "sweeps": sweeps,
         "files": [[str(file), section] for file, section in sorted(files, key=lambda f: f[1] == "")],
     }
+
+
+def _by_hydra(texts: Sequence[str], folders: Sequence[Path]) -> tuple[Any, dict[str, Any] | None]:
+    """What Hydra composes; the graph apart, where it is one file's and nothing else concerns it, else None."""
+    from hydra import compose
+    from omegaconf import OmegaConf
+
+    from hydra_plugins.optibench_yaml import graphs_apart
+
+    with hydra_ready(folders) as search:
+        words = [*search, *(quoted(text) for text in texts)]
+        if not any(text.lstrip("+~").startswith("graph") for text in texts):
+            with graphs_apart() as graphs:
+                composed = compose("config", overrides=words, return_hydra_config=True)
+            if not graphs:
+                return composed, None
+            rest = OmegaConf.masked_copy(composed, [name for name in composed if name != "hydra"])
+            text = str(OmegaConf.to_container(rest, resolve=False))
+            if len(graphs) == 1 and not composed.get("graph") and not re.search(r"\$\{[^}]*(graph|:)", text):
+                return composed, graphs[0]
+        return compose("config", overrides=words, return_hydra_config=True), None
 
 
 def check_groups(texts: Sequence[str], folders: Sequence[Path]) -> None:

@@ -1,11 +1,15 @@
-"""Folders of YAML files read with libyaml: OmegaConf's own loader is in Python, and takes most of a large graph's time.
+"""Folders of YAML files read with libyaml, and graphs past OmegaConf where it has nothing to do with them.
 
-Hydra takes plugins from the package ``hydra_plugins`` only, so it stands here.
+OmegaConf's own loader is in Python, and its containers cost half a millisecond a node: most of a large graph's time.
+Hydra takes plugins from the package ``hydra_plugins`` only, so this stands here.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from typing import Any
 
@@ -35,12 +39,46 @@ class LibyamlConfigSource(FileConfigSource):
             header = self._get_header_dict(file.read(512))
             file.seek(0)
             content = yaml.load(file, Loader=loader())
+        graphs = _apart.get()
+        if graphs is not None and header["package"] == "_global_" and isinstance(content, dict):
+            graph = content.get("graph")
+            if isinstance(graph, dict) and _is_plain(graph):
+                graphs.append(graph)
+                content["graph"] = {}
         return ConfigResult(
             config=OmegaConf.create({} if content is None else content),
             path=f"{SCHEME}://{self.path}",
             provider=self.provider,
             header=header,
         )
+
+
+_apart: ContextVar[list[Any] | None] = ContextVar("graphs set apart", default=None)
+
+
+@contextmanager
+def graphs_apart() -> Iterator[list[Any]]:
+    """Give the graphs of the files that are read inside the block apart, where they are plain; they are empty to Hydra.
+
+    Whoever asks for it must see to it that nothing was to be merged into them, and that nothing refers to them.
+    """
+    graphs: list[Any] = []
+    token = _apart.set(graphs)
+    try:
+        yield graphs
+    finally:
+        _apart.reset(token)
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether OmegaConf would find nothing in it to resolve, and nothing to refuse."""
+    if type(value) is dict:
+        return all(type(name) is str and _is_plain(item) for name, item in value.items())
+    if type(value) is list:
+        return all(_is_plain(item) for item in value)
+    if type(value) is str:
+        return "${" not in value
+    return value is None or type(value) in {bool, int, float}
 
 
 @cache
