@@ -6,16 +6,17 @@ Each graph is a chain of two stages and then branches of four, on arrays of 8 x 
 computed. Each size runs in a process of its own, which has imported everything, on a store of its own, with the
 executor of threads. ``composing`` is YAML to one configuration, ``checking`` every name, type and edge, ``planning``
 keys and what the store holds, ``running`` everything from there to the last record, stages included, ``manifest`` the
-run's folder without the report. ``again`` is the same with nothing to do.
+run's folder without the report. ``again`` is the same with nothing to do: what composing gave is remembered by then.
 """
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -43,7 +44,7 @@ def add(maps: PeriodMap, *, amount: float = 1.0) -> PeriodMap:
 
 
 def lay_out(folder: Path, stages: int) -> Path:
-    """Write the package, its declaration and the experiment; gives the folder of YAML files."""
+    """Write the package, its declaration and two experiments, ``many`` and ``few``; gives the folder of YAML files."""
     package = folder / "manybench" / "stages" / "tiny"
     package.mkdir(parents=True)
     for part in (package, package.parent, package.parent.parent):
@@ -53,10 +54,11 @@ def lay_out(folder: Path, stages: int) -> Path:
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: manybench\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[pipeline.stages]\ntiny = manybench.stages\n")
-    file = folder / "configs" / "experiment" / "many.yaml"
-    file.parent.mkdir(parents=True)
-    nodes = "".join(f"  {line}\n" for line in nodes_of(stages))
-    file.write_text(f"# @package _global_\ngraph:\n{nodes}")
+    experiments = folder / "configs" / "experiment"
+    experiments.mkdir(parents=True)
+    for name, count in (("many", stages), ("few", 6)):
+        nodes = "".join(f"  {line}\n" for line in nodes_of(count))
+        (experiments / f"{name}.yaml").write_text(f"# @package _global_\ngraph:\n{nodes}")
     return folder / "configs"
 
 
@@ -70,7 +72,7 @@ def nodes_of(stages: int) -> Iterator[str]:
         yield f"b{branch}_{depth}: {{stage: tiny.add, maps: {upstream}, amount: {number}}}"
 
 
-def measure(stages: int) -> None:
+def measure(folder: Path, stages: int) -> None:
     """Print the milliseconds a stage of each part, and those of the same with nothing to do."""
     from pipeline.bench import Experiment, carry_out
     from pipeline.compose import compose
@@ -85,10 +87,9 @@ def measure(stages: int) -> None:
         yield
         spent[part] = 1e3 * (time.perf_counter() - start) / stages
 
-    def once(folder: Path, runs: Path) -> None:
-        words = ["+experiment=many", f"paths.runs={runs}"]
+    def once(name: str) -> None:
         with timed("composing"):
-            configuration = compose(words, [folder])
+            configuration = compose([f"+experiment={name}", f"paths.runs={folder / name}"], [configs])
         with timed("checking"):
             experiment = Experiment.of(configuration)
         with timed("planning"):
@@ -99,30 +100,26 @@ def measure(stages: int) -> None:
         with timed("manifest"):
             experiment.finish(outcomes, 0.0)
 
-    def shown(work: Callable[[], None]) -> str:
-        spent.clear()
-        work()
-        return "".join(f"{spent[part]:10.3f}" for part in PARTS) + f"{sum(spent.values()):10.3f}"
-
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        sys.path.insert(0, name)
-        pass
-        sys.path.insert(0, str(folder))
-        configs = lay_out(folder, stages)
-        for label in ("first", "again"):
-            print(f"{stages:8}  {label:6}" + shown(lambda: once(configs, folder / "runs")), flush=True)
+    sys.path.insert(0, str(folder))
+    configs = lay_out(folder, stages)
+    time.sleep(0.2)  # files that are being written are not remembered
+    once("few")
+    for label in ("first", "again"):
+        once("many")
+        figures = [*(spent[part] for part in PARTS), sum(spent.values())]
+        print(f"{stages:8}  {label:6}" + "".join(f"{figure:10.3f}" for figure in figures), flush=True)
 
 
 def main() -> None:
     if sys.argv[1:2] == ["--one"]:
-        measure(int(sys.argv[2]))
+        measure(Path(sys.argv[2]), int(sys.argv[3]))
         return
-    print(
-        "milliseconds a stage\n" + f"{'stages':>8}  {'run':6}" + "".join(f"{part:>10}" for part in (*PARTS, "in all"))
-    )
-    for stages in [int(word) for word in sys.argv[1:]] or STAGES:
-        subprocess.run([sys.executable, __file__, "--one", str(stages)], check=True)
+    print(f"milliseconds a stage, {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[0]:.1f}")
+    print(f"{'stages':>8}  {'run':6}" + "".join(f"{part:>10}" for part in (*PARTS, "in all")), flush=True)
+    with tempfile.TemporaryDirectory() as name:
+        for stages in [int(word) for word in sys.argv[1:]] or STAGES:
+            folder = Path(name) / str(stages)
+            subprocess.run([sys.executable, __file__, "--one", str(folder), str(stages)], check=True)
 
 
 if __name__ == "__main__":
