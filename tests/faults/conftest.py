@@ -17,7 +17,7 @@ def tally(record_property: Callable[[str, object], None]) -> Tally:
     """Note how often a kind of fault was injected, and how often something was lost by it; fails if anything was."""
 
     def note(kind: str, injected: int, lost: int = 0) -> None:
-        record_property("fault", [kind, injected, lost])
+        record_property("fault", [kind, int(injected), int(lost)])
         assert lost == 0, f"{lost} of {injected} {kind} lost something"
 
     return note

@@ -117,7 +117,7 @@ def bench(workshop: Workshop) -> Bench:
 def test_changes_that_times_do_not_tell(bench: Bench, tally: Tally, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
     rng = random.Random(kind)
     stale = 0
-    trials = 20
+    trials = 12
     for trial in range(trials):
         with shifted(monkeypatch, rng.choice([0, -DAY_S, DAY_S, -400 * DAY_S])):
             stale += bench.run()["scaled"].image[0] != np.float32(bench.expected())

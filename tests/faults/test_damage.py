@@ -34,7 +34,7 @@ KINDS = {
     "manifest.json": "table/*/manifest.json",
     "last.json": "table/last.json",
 }
-EACH = 24
+EACH = 16
 OTHERS_RUN = "graph.later.ms=1"
 """Lets stages run that read what was harmed; without it none runs."""
 
@@ -112,11 +112,11 @@ def test_a_harmed_journal(tmp_path: Path, tally: Tally) -> None:
     numbers = np.random.default_rng(1)
     photos = [
         PolarizerPhoto(Photo(numbers.random((3, 4)), numbers.random((3, 4)) > 0.5, 0.125, {"iso": "100"}), 0.1 * i)
-        for i in range(6)
+        for i in range(4)
     ]
     for index, photo in enumerate(photos):
         Journal(tmp_path / "whole", data_types()).step(index, lambda photo=photo: photo)
-    flips, lost = 200, 0
+    flips, lost = 150, 0
     for trial in range(flips):
         folder = tmp_path / str(trial)
         shutil.copytree(tmp_path / "whole", folder)
