@@ -1,4 +1,4 @@
-"""What a stage needs of a machine, and a gate that lets through what fits at the same time."""
+"""A gate that lets through the stages whose needs of a machine fit at the same time."""
 
 from __future__ import annotations
 
@@ -13,28 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.locks import alone, shared
+from pipeline.nodes import Needs
 
 _PARTS = 32
 _LOOK_AGAIN_S = 0.02
-
-
-@dataclass(frozen=True)
-class Needs:
-    """What a stage needs of the machine that it runs on.
-
-    Attributes
-    ----------
-    memory_gb : float
-        Memory; stages run side by side only while their needs fit the machine's.
-    exclusive : bool
-        Whether nothing of the same run may run beside it on that machine, as when its time is to be measured.
-    """
-
-    memory_gb: float = 0.0
-    exclusive: bool = False
-
-    def __bool__(self) -> bool:
-        return self.exclusive or self.memory_gb > 0
 
 
 @dataclass(frozen=True)

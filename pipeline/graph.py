@@ -12,8 +12,7 @@ from pipeline.annotations import Annotation, check_setting, parse_annotation
 from pipeline.catalog import Catalog, Entry
 from pipeline.config import Configuration
 from pipeline.errors import InputError, InputErrors, nearest
-from pipeline.gate import Needs
-from pipeline.nodes import DeviceRecipe, Graph, Node
+from pipeline.nodes import DeviceRecipe, Graph, Needs, Node
 
 RESERVED = ("stage", "when", "resources")
 DEVICE_RESERVED = ("device", "simulated")

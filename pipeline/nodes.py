@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.catalog import Entry
-from pipeline.gate import Needs
 
 
 @dataclass(frozen=True)
@@ -42,6 +41,25 @@ def plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: plain(item) for name, item in value.items()}
     return value
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a stage needs of the machine that it runs on.
+
+    Attributes
+    ----------
+    memory_gb : float
+        Memory; stages run side by side only while their needs fit the machine's.
+    exclusive : bool
+        Whether nothing of the same run may run beside it on that machine, as when its time is to be measured.
+    """
+
+    memory_gb: float = 0.0
+    exclusive: bool = False
+
+    def __bool__(self) -> bool:
+        return self.exclusive or self.memory_gb > 0
 
 
 @dataclass(frozen=True)
