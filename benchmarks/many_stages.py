@@ -75,9 +75,9 @@ def nodes_of(stages: int) -> Iterator[str]:
 def measure(folder: Path, stages: int) -> None:
     """Print the milliseconds a stage of each part, and those of the same with nothing to do."""
     from pipeline.bench import Experiment, carry_out
-    from pipeline.compose import compose
-    from pipeline.executors import executor_of
-    from pipeline.outcome import Silent
+    from pipeline.execution.executors import executor_of
+    from pipeline.execution.outcome import Silent
+    from pipeline.graph.compose import compose
 
     spent: dict[str, float] = {}
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pipeline.bench import RunFailed, run
+    from pipeline.review.verification import verify
     from pipeline.runs import Run, open_run
     from pipeline.sweeps import sweep
-    from pipeline.verification import verify
 
 __all__ = ["Run", "RunFailed", "open_run", "run", "sweep", "verify"]
 
@@ -18,7 +18,7 @@ _HOMES = {
     "Run": "pipeline.runs",
     "open_run": "pipeline.runs",
     "sweep": "pipeline.sweeps",
-    "verify": "pipeline.verification",
+    "verify": "pipeline.review.verification",
 }
 
 

@@ -14,26 +14,26 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pipeline.catalog import Catalog
-from pipeline.compose import compose, remember
-from pipeline.config import LOCAL_SECTIONS, Configuration
+from pipeline.codebase.freshness import bring_up_to_date
+from pipeline.codebase.source import Sources
 from pipeline.errors import InputError, PipelineError
-from pipeline.execute import check_before_running, execute
-from pipeline.executors import Executor, executor_of
-from pipeline.files import FileDigests, as_yaml
-from pipeline.freshness import bring_up_to_date
-from pipeline.graph import build_graph
-from pipeline.keys import digest
-from pipeline.nodes import Graph, Node, plain
-from pipeline.outcome import Listener, Outcome, Silent
-from pipeline.plan import Plan, make_plan, recheck
-from pipeline.provenance import commit, environment, versions
-from pipeline.record import Record
+from pipeline.execution.execute import check_before_running, execute
+from pipeline.execution.executors import Executor, executor_of
+from pipeline.execution.outcome import Listener, Outcome, Silent
+from pipeline.execution.plan import Plan, make_plan, recheck
+from pipeline.execution.provenance import commit, environment, versions
+from pipeline.execution.workbench import Workbench
+from pipeline.graph.catalog import Catalog
+from pipeline.graph.checks import build_graph
+from pipeline.graph.compose import compose, remember
+from pipeline.graph.config import LOCAL_SECTIONS, Configuration
+from pipeline.graph.nodes import Graph, Node, plain
+from pipeline.graph.selection import forced, until
 from pipeline.runs import NodeRun, Run, last_keys, open_run, remember_keys
-from pipeline.selection import forced, until
-from pipeline.source import Sources
-from pipeline.store import Store, data_types
-from pipeline.workbench import Workbench
+from pipeline.storage.files import FileDigests, as_yaml
+from pipeline.storage.keys import digest
+from pipeline.storage.record import Record
+from pipeline.storage.store import Store, data_types
 
 RUN_DIGEST_CHARACTERS = 8
 

@@ -85,7 +85,7 @@ def main(arguments: Sequence[str]) -> int:
         print(USAGE, end="")
         return 0 if arguments else 2
     if "--version" in arguments:
-        from pipeline.provenance import own_version
+        from pipeline.execution.provenance import own_version
 
         print(own_version())
         return 0
@@ -158,7 +158,7 @@ def _is_override(word: str) -> bool:
 
 
 def _check_overrides(line: Line) -> None:
-    from pipeline.config import options
+    from pipeline.graph.config import options
 
     for word in line.words:
         if not _is_override(word):
@@ -184,8 +184,8 @@ def _run(line: Line) -> int:
 
 
 def _rerun(line: Line) -> int:
-    from pipeline.config import options
-    from pipeline.rerun import rerun_of
+    from pipeline.graph.config import options
+    from pipeline.review.rerun import rerun_of
 
     start = time.perf_counter()
     path = Path(line.words[0])
@@ -206,7 +206,7 @@ def _rerun(line: Line) -> int:
 
 def _carry_out(experiment: Experiment, line: Line, start: float) -> int:
     from pipeline.bench import RunFailed
-    from pipeline.live import Counter, display
+    from pipeline.execution.live import Counter, display
 
     for remark in experiment.graph.remarks:
         print(remark, file=sys.stderr)
@@ -226,7 +226,7 @@ def _carry_out(experiment: Experiment, line: Line, start: float) -> int:
 
 def _sweep(line: Line) -> int:
     from pipeline.bench import RunFailed
-    from pipeline.live import display
+    from pipeline.execution.live import display
     from pipeline.sweeps import run_sweep
 
     with display(quiet=line.quiet) as shown:
@@ -265,7 +265,7 @@ def _why(line: Line) -> int:
 
 
 def _list(line: Line) -> int:
-    from pipeline.listing import LISTS, Places
+    from pipeline.commands.listing import LISTS, Places
 
     runs = next((word.partition("=")[2] for word in line.words if word.startswith("paths.runs=")), "runs")
     wanted = [word for word in line.words if not word.startswith("paths.runs=")] or list(LISTS)
@@ -280,7 +280,7 @@ def _list(line: Line) -> int:
 
 
 def _show(line: Line) -> int:
-    from pipeline.listing import Places, manual
+    from pipeline.commands.listing import Places, manual
 
     if len(line.words) != 1:
         raise InputError("show takes one name", where="command line", expected="python -m pipeline show fit.cosine")
@@ -289,7 +289,7 @@ def _show(line: Line) -> int:
 
 
 def _export(line: Line) -> int:
-    from pipeline.export import export_photos
+    from pipeline.commands.export import export_photos
     from pipeline.runs import open_run
 
     if len(line.words) != 3:
@@ -300,8 +300,8 @@ def _export(line: Line) -> int:
 
 
 def _clean(line: Line) -> int:
-    from pipeline.clean import find_waste, remove
-    from pipeline.store import Store
+    from pipeline.commands.clean import find_waste, remove
+    from pipeline.storage.store import Store
 
     known = {"paths.runs": "runs", "paths.store": ""}
     for word in line.words:
@@ -334,7 +334,7 @@ def _clean(line: Line) -> int:
 
 
 def _debug(line: Line) -> int:
-    from pipeline.debug import debug
+    from pipeline.commands.debug import debug
 
     if len(line.words) != 2:
         raise InputError("debug takes a run and a node", where="command line", expected="debug RUN NODE")

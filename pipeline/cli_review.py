@@ -9,13 +9,13 @@ from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     from pipeline.cli import Line
-    from pipeline.unpack import Limits
+    from pipeline.review.unpack import Limits
 
 
 def verify(line: Line) -> int:
     """Recompute a run or bundle and print how it compares; returns the exit status."""
-    from pipeline.live import display
-    from pipeline.verification import verified
+    from pipeline.execution.live import display
+    from pipeline.review.verification import verified
 
     if len(line.words) != 1:
         raise InputError("verify takes one run or bundle", where="command line", expected="verify RUN|BUNDLE")
@@ -28,7 +28,7 @@ def verify(line: Line) -> int:
 
 def bundle(line: Line) -> int:
     """Write a run as one file and print its name; returns the exit status."""
-    from pipeline.bundle import write_bundle
+    from pipeline.review.bundle import write_bundle
     from pipeline.runs import open_run
 
     if len(line.words) != 2:
@@ -39,8 +39,8 @@ def bundle(line: Line) -> int:
 
 def diff(line: Line) -> int:
     """Print how two runs differ; returns the exit status."""
-    from pipeline.diff import diff as difference
-    from pipeline.unpack import opened
+    from pipeline.review.diff import diff as difference
+    from pipeline.review.unpack import opened
 
     if len(line.words) != 2:
         raise InputError("diff takes two runs", where="command line", expected="diff RUN RUN")
@@ -53,6 +53,6 @@ def diff(line: Line) -> int:
 
 def limits(line: Line) -> Limits:
     """What a bundle may unpack to."""
-    from pipeline.unpack import Limits
+    from pipeline.review.unpack import Limits
 
     return Limits() if line.limit_gb is None else Limits(total_bytes=round(line.limit_gb * 1e9))

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from pipeline.artifact import DamagedArtifact
-from pipeline.claims import store_with_claims
 from pipeline.errors import InputError, PipelineError, nearest
-from pipeline.files import write_text
-from pipeline.forms import check_manifest, read_json
-from pipeline.sealed import sealed, unsealed
-from pipeline.store import Store
+from pipeline.storage.artifact import DamagedArtifact
+from pipeline.storage.claims import store_with_claims
+from pipeline.storage.files import write_text
+from pipeline.storage.forms import check_manifest, read_json
+from pipeline.storage.sealed import sealed, unsealed
+from pipeline.storage.store import Store
 
 FORMAT = 1
 MANIFEST = "manifest.json"

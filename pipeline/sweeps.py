@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.bench import Experiment, carry_out, check_writable, plan_of
-from pipeline.catalog import Catalog, Entry
-from pipeline.compose import hydra_ready, opened, readable_errors
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
-from pipeline.executors import executor_of
-from pipeline.keys import digest
-from pipeline.merge import merge
-from pipeline.outcome import Listener, Silent
-from pipeline.plan import recheck
+from pipeline.execution.executors import executor_of
+from pipeline.execution.merge import merge
+from pipeline.execution.outcome import Listener, Silent
+from pipeline.execution.plan import recheck
+from pipeline.graph.catalog import Catalog, Entry
+from pipeline.graph.compose import hydra_ready, opened, readable_errors
+from pipeline.graph.selection import forced
 from pipeline.runs import Run, last_keys
-from pipeline.selection import forced
-from pipeline.store import Store
+from pipeline.storage.keys import digest
+from pipeline.storage.store import Store
 
 if TYPE_CHECKING:
     from hydra.core.utils import JobReturn
@@ -325,7 +325,7 @@ def _is_sweep(text: str) -> bool:
 
 
 def _sources(words: Sequence[str]) -> Any:
-    from pipeline.source import Sources
+    from pipeline.codebase.source import Sources
 
     return Sources(Store.at(_written(words, "paths.store", f"{_runs(words)}/.store")).memory / "sources.json")
 

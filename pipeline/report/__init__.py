@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 def write(run: RunView) -> Path:
     """Write ``report.html`` into the run's folder, its charts as SVG files into ``outputs/``, and return its path."""
-    from pipeline.files import write_text
     from pipeline.report.outputs import write_charts
     from pipeline.report.page import draw, page
+    from pipeline.storage.files import write_text
 
     drawing = draw(run)
     write_charts(run.path / "outputs", {section.node.name: section.figures for section in drawing.sections})

@@ -11,8 +11,8 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from pipeline.disks import DiskError, writing
 from pipeline.errors import PipelineError
+from pipeline.storage.disks import DiskError, writing
 
 
 def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], attributes: Mapping[str, float | None]) -> None:

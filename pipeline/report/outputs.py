@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from pipeline.data import GratingSample, OrientationError, OrientationMap, PeriodMap, PictureSeries, PolarizerSequence
 from pipeline.errors import PipelineError
-from pipeline.files import write_bytes, write_text
 from pipeline.optics.colour import encode_srgb
 from pipeline.parallel import threads
 from pipeline.report.encoded import png
@@ -27,6 +26,7 @@ from pipeline.report.pictures import Figure
 from pipeline.report.shades import colours, orientation_colours, reduced
 from pipeline.report.svg import standalone
 from pipeline.report.view import RunView
+from pipeline.storage.files import write_bytes, write_text
 
 FORMAT = 1
 """Counts up when the same value is written differently, so that older files are written anew."""

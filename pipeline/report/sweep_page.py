@@ -12,8 +12,8 @@ from typing import Any, Protocol
 from jinja2 import Environment, PackageLoader
 from markupsafe import Markup
 
-from pipeline.files import write_text
 from pipeline.report.naming import duration, labelled
+from pipeline.storage.files import write_text
 
 PANEL_INCHES = (3.0, 2.3)
 MOST_METRICS = 24

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pipeline.sealed import unsealed
+from pipeline.storage.sealed import unsealed
 
 Entries = dict[str, bytes]
 

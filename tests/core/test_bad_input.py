@@ -8,8 +8,8 @@ import re
 import pytest
 from toys import Toys
 
-from pipeline.compose import compose
 from pipeline.errors import InputError, InputErrors
+from pipeline.graph.compose import compose
 
 
 def test_an_unknown_stage(toys: Toys) -> None:

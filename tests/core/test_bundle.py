@@ -15,13 +15,13 @@ import pytest
 from bundles import entries_of
 from toys import Toys
 
-from pipeline.bundle import without_places, write_bundle
 from pipeline.cli import main
 from pipeline.errors import InputError
-from pipeline.keys import digest_bytes
+from pipeline.review.bundle import without_places, write_bundle
+from pipeline.review.unpack import opened
 from pipeline.runs import open_run
-from pipeline.sealed import unsealed
-from pipeline.unpack import opened
+from pipeline.storage.keys import digest_bytes
+from pipeline.storage.sealed import unsealed
 
 
 def test_a_bundle_holds_all_of_a_run(toys: Toys, tmp_path: Path) -> None:
@@ -173,8 +173,8 @@ def test_large_arrays_that_shrink_suspiciously_are_stored_plain(
     toys: Toys, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = toys.run("graph.raw.size=300")
-    monkeypatch.setattr("pipeline.bundle.SUSPICIOUS_BYTES", 100_000)
-    monkeypatch.setattr("pipeline.unpack.SUSPICIOUS_BYTES", 100_000)
+    monkeypatch.setattr("pipeline.review.bundle.SUSPICIOUS_BYTES", 100_000)
+    monkeypatch.setattr("pipeline.review.unpack.SUSPICIOUS_BYTES", 100_000)
     file = write_bundle(run, tmp_path / "toy.zip")
     with zipfile.ZipFile(file) as bundle:
         kinds = {Path(i.filename).name: i.compress_type for i in bundle.infolist() if i.filename.endswith(".npy")}

@@ -7,9 +7,9 @@ import shutil
 import pytest
 from toys import Toys
 
-from pipeline.clean import find_waste, remove
+from pipeline.commands.clean import find_waste, remove
 from pipeline.errors import InputError
-from pipeline.store import Store
+from pipeline.storage.store import Store
 
 
 def test_nothing_goes_while_every_run_is_kept(toys: Toys) -> None:

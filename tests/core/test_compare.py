@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.compare import Difference, checked_tolerance, compare
 from pipeline.data import Metrics, OrientationError, OrientationMap, PeriodMap, Photo, PolarizerPhoto, PolarizerSequence
 from pipeline.errors import InputError
-from pipeline.keys import digest
+from pipeline.review.compare import Difference, checked_tolerance, compare
+from pipeline.storage.keys import digest
 
 
 def period(*rows: list[float], **more: Any) -> PeriodMap:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.bench import Experiment
-from pipeline.config import configs_folder, options
+from pipeline.graph.config import configs_folder, options
 
 ROOT = Path(__file__).resolve().parents[2]
 RIG_WORDS = {"replay": ["rig.folder=photos"]}

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from toys import Toys
 
-from pipeline.debug import debug
+from pipeline.commands.debug import debug
 from pipeline.errors import InputError
 
 

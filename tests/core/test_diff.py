@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from toys import Toys
 
-from pipeline.bundle import write_bundle
 from pipeline.cli import main
-from pipeline.diff import NOTHING, NodeDifference, RunDifference, diff
+from pipeline.review.bundle import write_bundle
+from pipeline.review.diff import NOTHING, NodeDifference, RunDifference, diff
 
 
 def node(found: RunDifference, name: str) -> NodeDifference:

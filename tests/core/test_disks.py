@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from toys import Toys
 
-from pipeline.disks import DiskError, disk_of, writing
-from pipeline.files import write_text
+from pipeline.storage.disks import DiskError, disk_of, writing
+from pipeline.storage.files import write_text
 
 
 def refusing(number: int) -> Any:
@@ -24,7 +24,7 @@ def refusing(number: int) -> Any:
 def test_a_full_disk_is_named_by_the_stage_that_met_it(toys: Toys, monkeypatch: pytest.MonkeyPatch) -> None:
     toys.run("until=raw")
     with monkeypatch.context() as patch:
-        patch.setattr("pipeline.store.write_artifact", refusing(errno.ENOSPC))
+        patch.setattr("pipeline.storage.store.write_artifact", refusing(errno.ENOSPC))
         run = toys.run()
     assert {n.name: n.status for n in run.nodes.values()}["big"] == "failed"
     assert f"the disk of {disk_of(toys.folder)} is full (No space left on device; " in run.nodes["big"].error

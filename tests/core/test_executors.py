@@ -11,8 +11,8 @@ import pytest
 from toys import Toys
 
 from pipeline.errors import InputError
-from pipeline.executors import executor_of
-from pipeline.outcome import Silent
+from pipeline.execution.executors import executor_of
+from pipeline.execution.outcome import Silent
 
 EXECUTORS = {
     "threads": ["executor=threads", "executor.workers=3"],
@@ -137,7 +137,7 @@ def test_large_stages_do_not_run_side_by_side(toys: Toys, words: list[str]) -> N
 
 
 def test_stages_side_by_side_share_the_cores(toys: Toys, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.workbench.cores", lambda: 8)
+    monkeypatch.setattr("pipeline.execution.workbench.cores", lambda: 8)
     lines = [
         f"{n}: {{stage: toy.waits_for_others, maps: raw, count: 4, folder: {toys.folder}, name: {n}}}" for n in "abcd"
     ]

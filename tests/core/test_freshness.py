@@ -14,15 +14,16 @@ import numpy as np
 import pytest
 from toys import Toys
 
-from pipeline.artifact import META
 from pipeline.bench import Experiment, carry_out, plan_of
+from pipeline.codebase import freshness
 from pipeline.data import Metrics, Photo
 from pipeline.errors import InputError, InputErrors
-from pipeline.executors import executor_of
-from pipeline.files import FileDigests, settled, stamp
-from pipeline.outcome import Silent
+from pipeline.execution.executors import executor_of
+from pipeline.execution.outcome import Silent
 from pipeline.runs import open_run
-from pipeline.store import Store
+from pipeline.storage.artifact import META
+from pipeline.storage.files import FileDigests, settled, stamp
+from pipeline.storage.store import Store
 
 FOLDER_STAGE = '''
 
@@ -59,7 +60,7 @@ def test_an_edit_is_run_by_the_process_that_imported_the_code_before_it(toys: To
 
 def test_an_edit_of_the_bench_itself_asks_for_a_new_process(toys: Toys, monkeypatch: pytest.MonkeyPatch) -> None:
     toys.run()
-    monkeypatch.setitem(__import__("pipeline.freshness").freshness._seen, "pipeline.data", "as it was")
+    monkeypatch.setitem(freshness._seen, "pipeline.data", "as it was")
     with pytest.raises(InputError, match=r"the code of pipeline.data changed[\s\S]*restart Python"):
         loaded(toys, "graph.big.factor=9").run(Silent())
 
@@ -207,7 +208,7 @@ def long_ago(toys: Toys, monkeypatch: pytest.MonkeyPatch) -> None:
     for path in toys.package.rglob("*.py"):
         os.utime(path, (1e9, 1e9))
     toys.forget()
-    monkeypatch.setattr("pipeline.freshness._seen", {})
+    monkeypatch.setattr("pipeline.codebase.freshness._seen", {})
 
 
 @pytest.mark.usefixtures("long_ago")

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.compose import _composed, opened
+from pipeline.graph.compose import _composed, opened
 
 PLAIN = """\
 graph:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.data import Photo
-from pipeline.journal import Journal
-from pipeline.store import data_types
+from pipeline.storage.journal import Journal
+from pipeline.storage.store import data_types
 
 
 def photo(number: int) -> Photo:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from omegaconf._utils import get_yaml_loader
 
 from hydra_plugins.optibench_yaml import LibyamlConfigSource, loader
-from pipeline.config import configs_folder
+from pipeline.graph.config import configs_folder
 
 TEXTS = [
     "a: [1, 1.0, 1e5, 1e-5, 1_000, 0x10, 010, 1:30, .5, -.inf, .nan, +3]",

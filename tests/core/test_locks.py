@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import locks
+from pipeline.storage import locks
 
 pytestmark = pytest.mark.parametrize(
     "ranges",

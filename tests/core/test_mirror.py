@@ -10,7 +10,7 @@ import pytest
 from toys import Toys
 
 from pipeline.errors import InputError
-from pipeline.store import Store
+from pipeline.storage.store import Store
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from toys import Toys
 
-from pipeline.compose import compose, quoted
 from pipeline.errors import InputError, PipelineError
+from pipeline.graph.compose import compose, quoted
 
 
 @pytest.mark.parametrize(

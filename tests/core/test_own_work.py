@@ -115,7 +115,7 @@ def test_a_check_of_theirs_refuses_before_anything_runs(lab: Path) -> None:
 
 
 def test_an_experiment_without_its_first_line_is_explained(tmp_path: Path) -> None:
-    from pipeline.compose import compose
+    from pipeline.graph.compose import compose
 
     (tmp_path / "experiment").mkdir()
     (tmp_path / "experiment" / "mine.yaml").write_text("graph: {fit: {stage: fit.cosine}}\n")

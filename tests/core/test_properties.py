@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from toys import Toys
 
 from pipeline.bench import Experiment
-from pipeline.catalog import Catalog
-from pipeline.compose import recomposed
-from pipeline.config import Configuration
-from pipeline.files import as_yaml
-from pipeline.outcome import Silent
+from pipeline.codebase.source import Sources
+from pipeline.execution.outcome import Silent
+from pipeline.graph.catalog import Catalog
+from pipeline.graph.compose import recomposed
+from pipeline.graph.config import Configuration
 from pipeline.runs import Run
-from pipeline.source import Sources
+from pipeline.storage.files import as_yaml
 
 FEW = settings(
     max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
@@ -97,8 +97,8 @@ def test_pruned_equals_full(toys: Toys, graph: dict[str, Any], data: st.DataObje
 @given(st.lists(graphs(), min_size=2, max_size=3))
 def test_merged_equals_separate(toys: Toys, several: list[dict[str, Any]]) -> None:
     from pipeline.bench import carry_out, plan_of
-    from pipeline.executors import executor_of
-    from pipeline.merge import merge
+    from pipeline.execution.executors import executor_of
+    from pipeline.execution.merge import merge
 
     separate = [artifacts(experiment(toys, graph, fresh(toys)).run(Silent())) for graph in several]
     store = fresh(toys)

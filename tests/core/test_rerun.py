@@ -12,14 +12,14 @@ from bundles import Entries, change_json, changed, entries_of, first_recipe
 from toys import Toys
 
 from pipeline.bench import Experiment
-from pipeline.bundle import write_bundle
 from pipeline.cli import main
 from pipeline.errors import InputError, InputErrors
-from pipeline.outcome import Silent
-from pipeline.rerun import Rerun, check_size, rerun_of, without_resolvers
+from pipeline.execution.outcome import Silent
+from pipeline.review.bundle import write_bundle
+from pipeline.review.rerun import Rerun, check_size, rerun_of, without_resolvers
+from pipeline.review.verification import verify
 from pipeline.runs import Run, open_run
-from pipeline.store import Store
-from pipeline.verification import verify
+from pipeline.storage.store import Store
 
 RIG = "device: lab.Webcam\nsimulated: false\nexposure_s: {exposure}\nlight: {{device: lab.Lamp, watts: {watts}}}\n"
 

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from pipeline.sealed import _HEAD, sealed, unsealed
+from pipeline.storage.sealed import _HEAD, sealed, unsealed
 
 CONTENT = {"metrics": {"mean_um": 1.25}, "nodes": [{"name": "raw", "text": 'µ \\ "quoted"'}], "none": None}
 

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from toys import Toys
 
-from pipeline.artifact import META, DamagedArtifact, digest_of, read_description
 from pipeline.data import Metrics, PeriodMap, PolarizerSequence
 from pipeline.errors import PipelineError
-from pipeline.store import Store
+from pipeline.storage.artifact import META, DamagedArtifact, digest_of, read_description
+from pipeline.storage.store import Store
 
 
 def a_map(size: int = 4) -> PeriodMap:

@@ -12,8 +12,8 @@ from toys import Toys
 
 from pipeline.bench import Experiment
 from pipeline.errors import InputError, InputErrors
-from pipeline.merge import merge
-from pipeline.outcome import Silent
+from pipeline.execution.merge import merge
+from pipeline.execution.outcome import Silent
 from pipeline.sweeps import Sweep, run_sweep
 
 

@@ -19,15 +19,15 @@ import pytest
 from bundles import Entries, change_json, changed, entries_of, first_recipe, tree, write_entries
 from toys import Toys
 
-from pipeline.artifact import digest_of
-from pipeline.bundle import write_bundle
 from pipeline.cli import main
 from pipeline.errors import InputError
-from pipeline.keys import digest, digest_array
-from pipeline.rerun import rerun_of
-from pipeline.sealed import unsealed
-from pipeline.unpack import Limits, _extract, opened, unpack
-from pipeline.verification import verify
+from pipeline.review.bundle import write_bundle
+from pipeline.review.rerun import rerun_of
+from pipeline.review.unpack import Limits, _extract, opened, unpack
+from pipeline.review.verification import verify
+from pipeline.storage.artifact import digest_of
+from pipeline.storage.keys import digest, digest_array
+from pipeline.storage.sealed import unsealed
 
 
 class Trap:
@@ -215,7 +215,7 @@ def test_entries_that_share_their_bytes(good: Path, refused: Refused) -> None:
 
 
 def test_a_directory_that_would_fill_the_memory(good: Path, refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.unpack.MOST_DIRECTORY_BYTES", 100)
+    monkeypatch.setattr("pipeline.review.unpack.MOST_DIRECTORY_BYTES", 100)
     refused(good, "the directory of .* has [0-9]+ bytes")
 
 
@@ -398,7 +398,7 @@ def test_a_file_that_a_description_does_not_name(good: Path, refused: Refused) -
 
 
 def test_json_that_is_huge(good: Path, refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.untrusted.MOST_DESCRIPTION_BYTES", 100)
+    monkeypatch.setattr("pipeline.review.untrusted.MOST_DESCRIPTION_BYTES", 100)
     refused(good, "damaged or forged: .*meta.json has [0-9]+ bytes")
 
 
@@ -481,7 +481,7 @@ def test_records_that_are_none(good: Path, refused: Refused, change: Callable[[A
 
 
 def test_a_record_that_is_huge(good: Path, refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.unpack.MOST_RECORD_BYTES", 50)
+    monkeypatch.setattr("pipeline.review.unpack.MOST_RECORD_BYTES", 50)
     refused(good, "has [0-9]+ bytes")
 
 

@@ -11,11 +11,11 @@ import pytest
 from toys import Toys
 
 import pipeline
-from pipeline.bundle import write_bundle
 from pipeline.cli import main
 from pipeline.errors import InputError
+from pipeline.review.bundle import write_bundle
+from pipeline.review.verification import Verification, verify
 from pipeline.runs import Run
-from pipeline.verification import Verification, verify
 
 CAPTURE = """
     shot: {stage: toy.photo, camera: {device: lab.Webcam, light: {device: lab.Lamp}}}
@@ -219,7 +219,7 @@ def test_nodes_that_failed_in_the_run_are_not_taken_for_verified(toys: Toys) -> 
 def test_versions_of_libraries_then_and_now_are_listed(toys: Toys, monkeypatch: pytest.MonkeyPatch) -> None:
     run = toys.run()
     now = {**run.versions, "numpy": "9.9.9", "more": "1.0"}
-    monkeypatch.setattr("pipeline.verification.versions", lambda: now)
+    monkeypatch.setattr("pipeline.review.verification.versions", lambda: now)
     done = verify(run.path)
     assert done.versions == {"more": ("", "1.0"), "numpy": (np.__version__, "9.9.9")}
     assert f"numpy {np.__version__} -> 9.9.9" in str(done)

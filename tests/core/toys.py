@@ -8,10 +8,10 @@ from textwrap import dedent
 
 import pytest
 
-import pipeline.config
-import pipeline.source
+import pipeline.codebase.source
+import pipeline.graph.config
 from pipeline.bench import Experiment
-from pipeline.outcome import Silent
+from pipeline.execution.outcome import Silent
 from pipeline.runs import Run
 
 HELPER = '''
@@ -211,7 +211,7 @@ class Toys:
         (self.configs / "experiment").mkdir(parents=True)
         (self.configs / "executor").mkdir()
         (self.configs / "rig").mkdir()
-        original = pipeline.config.configs_folder()
+        original = pipeline.graph.config.configs_folder()
         for name in ("config.yaml", "executor/threads.yaml", "executor/serial.yaml", *EXECUTORS):
             (self.configs / name).write_text((original / name).read_text())
         self.experiment.write_text(EXPERIMENT)
@@ -255,10 +255,10 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toys:
     def declared(group: str) -> list[str]:
         return [group.replace("pipeline", "toybench")]
 
-    monkeypatch.setattr("pipeline.source.declared", declared)
-    monkeypatch.setattr("pipeline.catalog.declared", declared)
-    monkeypatch.setattr("pipeline.config.configs_folder", lambda: made.configs)
-    monkeypatch.setattr("pipeline.compose.configs_folder", lambda: made.configs)
+    monkeypatch.setattr("pipeline.codebase.source.declared", declared)
+    monkeypatch.setattr("pipeline.graph.catalog.declared", declared)
+    monkeypatch.setattr("pipeline.graph.config.configs_folder", lambda: made.configs)
+    monkeypatch.setattr("pipeline.graph.compose.configs_folder", lambda: made.configs)
     monkeypatch.setattr("pipeline.report.write", _page, raising=False)
     monkeypatch.setattr("pipeline.report.write_outputs", lambda run: [], raising=False)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)

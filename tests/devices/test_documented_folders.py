@@ -11,10 +11,10 @@ import pytest
 import yaml
 from photo_makers import write_image
 
-from pipeline.catalog import Catalog
-from pipeline.config import options
+from pipeline.codebase.source import Sources
 from pipeline.devices.replay import PhotoFolder
-from pipeline.source import Sources
+from pipeline.graph.catalog import Catalog
+from pipeline.graph.config import options
 from pipeline.stages.capture.polarizer_sequence import polarizer_sequence
 from pipeline.stages.capture.recorded_point_light import recorded_point_light
 

@@ -22,9 +22,9 @@ from pipeline.devices.photo_folder_writer import write_polarizer_sequence
 from pipeline.devices.protocols import Camera, PolarizationRig, RotationMount
 from pipeline.devices.replay import PhotoFolder
 from pipeline.errors import DeviceError, InputError, InputErrors
-from pipeline.keys import digest
 from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.stages.capture.polarizer_sequence import polarizer_sequence
+from pipeline.storage.keys import digest
 
 ROWS, COLUMNS = 6, 8
 ANGLES = (0.0, 45.0, 90.0, 135.0)

@@ -13,11 +13,11 @@ import pytest
 from photo_makers import write_image
 
 import pipeline
-from pipeline.catalog import Catalog, Entry
+from pipeline.codebase.source import Sources
 from pipeline.devices.rotation_mount import SimulatedRotationMount
 from pipeline.devices.simulated import Camera, Panel, PolarizationBench
 from pipeline.errors import InputError, InputErrors
-from pipeline.source import Sources
+from pipeline.graph.catalog import Catalog, Entry
 
 CATALOG = Catalog(Sources())
 RIG = PolarizationBench(camera=Camera(), mount=SimulatedRotationMount(), light=Panel())

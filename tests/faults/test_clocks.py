@@ -18,7 +18,7 @@ import pytest
 from workshop import Tally, Workshop
 
 from pipeline.bench import Experiment
-from pipeline.outcome import Silent
+from pipeline.execution.outcome import Silent
 from pipeline.runs import Run
 
 DAY_S = 86_400

@@ -6,7 +6,7 @@ import pytest
 from workshop import Tally, Workshop
 
 from pipeline.bench import Experiment
-from pipeline.outcome import Silent
+from pipeline.execution.outcome import Silent
 from pipeline.runs import Run
 
 KILLS = 6

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 from workshop import Tally, Workshop
 
-from pipeline.artifact import DamagedArtifact
 from pipeline.bench import Experiment
-from pipeline.compose import compose, remember
-from pipeline.config import Configuration
 from pipeline.data import Photo, PolarizerPhoto
-from pipeline.journal import Journal
-from pipeline.outcome import Silent
+from pipeline.execution.outcome import Silent
+from pipeline.graph.compose import compose, remember
+from pipeline.graph.config import Configuration
 from pipeline.runs import Run, open_run
-from pipeline.store import data_types
+from pipeline.storage.artifact import DamagedArtifact
+from pipeline.storage.journal import Journal
+from pipeline.storage.store import data_types
 
 KINDS = {
     "meta.json": ".store/objects/*/*/meta.json",

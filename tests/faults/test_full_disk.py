@@ -14,7 +14,7 @@ from test_kills import kept
 from workshop import GRAPH, Tally, Workshop
 
 from pipeline.cli import main
-from pipeline.keys import digest_array, digest_file
+from pipeline.storage.keys import digest_array, digest_file
 
 DISK_KB = 16384
 ROOM_KB = (0, 4, 8, 16, 24, 40, 60, 100, 250, 600, 1100, 1500, 2500, 3600, 4800, 5600, 6200, 6600, 7000, 7400)

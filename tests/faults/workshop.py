@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from pipeline.runs import Run, open_run
-from pipeline.store import Store
+from pipeline.storage.store import Store
 
 Tally = Callable[..., None]
 """Takes a kind of fault, how often it was injected, and how often something was lost by it."""

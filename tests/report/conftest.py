@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from made_up_run import FakeNode, FakeRun, run_with, values_of_every_type
 
-from pipeline.artifact import DamagedArtifact
+from pipeline.storage.artifact import DamagedArtifact
 
 
 @pytest.fixture

@@ -1,0 +1,1 @@
+"""What source code says, and whether it is what this process runs."""

@@ -1,0 +1,1 @@
+"""What commands do beside running and reviewing: list and show, export, debug, clean."""

@@ -1,0 +1,1 @@
+"""Looking at runs that others made: recomputed, compared, handed on, taken in, run again."""
