@@ -3,6 +3,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from toys import toys
+
+__all__ = ["measurements", "toys"]
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 SLOW = [
     "rig.mount.time_scale=1",
     "rig.mount.velocity_deg_s=10",

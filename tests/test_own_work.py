@@ -20,7 +20,7 @@ from pipeline.errors import InputError
 from pipeline.meshes import as_mesh
 from pipeline.runs import open_run
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 SMALL = ["until=[evaluate,quality]", "graph.sample.pixel_mm=0.02", "rig.camera.pixel_mm=0.06"]
 
 

@@ -1,3 +1,0 @@
-from toys import toys
-
-__all__ = ["toys"]
