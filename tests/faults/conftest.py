@@ -1,10 +1,9 @@
-"""Counts what the drills injected and what was lost, and prints a table at the end of the session."""
+"""Counts what the drills injected and what was lost; the table is printed at the end of the session."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -21,25 +20,6 @@ def tally(record_property: Callable[[str, object], None]) -> Tally:
         assert lost == 0, f"{lost} of {injected} {kind} lost something"
 
     return note
-
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Print the table; the counts come with the tests' reports, also from other processes."""
-    injected: Counter[str] = Counter()
-    lost: Counter[str] = Counter()
-    for reports in terminalreporter.stats.values():
-        for report in reports:
-            for name, value in getattr(report, "user_properties", ()):
-                if name == "fault" and getattr(report, "when", "") == "call":
-                    injected[value[0]] += value[1]
-                    lost[value[0]] += value[2]
-    if not injected:
-        return
-    terminalreporter.section("faults")
-    width = max(map(len, injected))
-    terminalreporter.write_line(f"{'kind':<{width}} | injected | lost")
-    for kind in sorted(injected):
-        terminalreporter.write_line(f"{kind:<{width}} | {injected[kind]:8} | {lost[kind]:4}")
 
 
 @pytest.fixture

@@ -56,7 +56,11 @@ def good(toys: Toys, tmp_path: Path, bundled: dict[str, bytes]) -> Path:
 
 @pytest.fixture
 def refused(
-    toys: Toys, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    toys: Toys,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    record_property: Callable[[str, object], None],
 ) -> Callable[..., None]:
     """Check that whatever may be done with a bundle is refused for that reason, and leaves everything as it was."""
     temporary = tmp_path / "temporary"
@@ -79,6 +83,7 @@ def refused(
             assert main(["run", str(file), f"paths.runs={tmp_path / 'runs'}"]) == 2
         assert tree(tmp_path) == before
         assert "the trap went off" not in capsys.readouterr().out
+        record_property("fault", ["bundle made to attack", 1, 0])
 
     return check
 
