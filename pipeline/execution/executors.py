@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -144,6 +145,44 @@ class InProcesses:
         return ended
 
 
+class _Deserted(Exception):
+    """A cluster of our own has lost all its workers, and none comes back."""
+
+
+_ATTEMPTS = 3
+_DESERTED_S = 60.0
+
+
+@contextmanager
+def _watched(client: Any, futures: list[Any], *, patient: bool) -> Iterator[threading.Event]:
+    """Cancel tasks that wait for workers that never come, as dask itself does not; its nannies may give up under load.
+
+    Gives an event that is set where that happened. Workers of somebody else's cluster may well come later, so there
+    ``patient`` waits.
+    """
+    deserted, over = threading.Event(), threading.Event()
+
+    def watch() -> None:
+        alive = time.monotonic()
+        while not over.wait(1.0):
+            if client.scheduler_info()["workers"]:
+                alive = time.monotonic()
+            elif time.monotonic() - alive > _DESERTED_S:
+                deserted.set()
+                client.cancel(futures, force=True)
+                return
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    if not patient:
+        watcher.start()
+    try:
+        yield deserted
+    finally:
+        over.set()
+        if not patient:
+            watcher.join()
+
+
 @dataclass
 class OnCluster:
     """Runs tasks on a dask cluster: one of this machine's own, or one at an address."""
@@ -161,38 +200,64 @@ class OnCluster:
         another chance one by one, which shows the stage that kills; then the rest goes on.
         """
         ended: dict[str, Outcome] = {}
-        with self._client() as client, _listening(client, workbench.listener) as relay:
-            away = self.address is not None
-            bench = replace(workbench, listener=relay, cores=None if away else 1, elsewhere=away)
-            left = graph
-            while left:
-                blamed = self._round(client, left, bench, ended, workbench.listener)
-                for task in [task for task in left if task[1] in blamed]:
-                    alone = _remaining({task: left[task]}, ended, f"alone after {task[0]}")
-                    for name, error in self._round(client, alone, bench, ended, workbench.listener).items():
-                        ended[name] = Outcome(name, "failed", error=f"{DIED} ({error})")
+        left, attempts = graph, 0
+        while left:
+            before = len(ended)
+            try:
+                with self._client() as client, _listening(client, workbench.listener) as relay:
+                    away = self.address is not None
+                    bench = replace(workbench, listener=relay, cores=None if away else 1, elsewhere=away)
+                    self._all(client, left, bench, ended, workbench.listener)
+            except _Deserted:
+                attempts = attempts + 1 if len(ended) == before else 0
+                self.log("all workers are gone; new ones are started")
+            left = _remaining(left, ended, f"again after {next(iter(left))[0]}")
+            if left and attempts == _ATTEMPTS:
+                for (_, name), (*_, waits_for) in left.items():
+                    if all(isinstance(upstream, Outcome) for upstream in waits_for):
+                        ended[name] = Outcome(name, "failed", error="no worker of the cluster stays alive")
                         workbench.listener.ended(ended[name])
-                left = _remaining(left, ended, f"after {next(iter(left))[0]}") if blamed else {}
+                waiting = _remaining(left, ended, "blocked")
+                return {**ended, **InThisProcess(1).run(waiting, workbench)}
         return ended
+
+    def _all(
+        self, client: Any, left: TaskGraph, bench: Workbench, ended: dict[str, Outcome], listener: Listener
+    ) -> None:
+        """Run tasks, round after round, until each has ended or is known to kill its worker."""
+        while left:
+            blamed = self._round(client, left, bench, ended, listener)
+            for task in [task for task in left if task[1] in blamed]:
+                alone = _remaining({task: left[task]}, ended, f"alone after {task[0]}")
+                for name, error in self._round(client, alone, bench, ended, listener).items():
+                    ended[name] = Outcome(name, "failed", error=f"{DIED} ({error})")
+                    listener.ended(ended[name])
+            left = _remaining(left, ended, f"after {next(iter(left))[0]}") if blamed else {}
 
     def _round(
         self, client: Any, graph: TaskGraph, bench: Workbench, ended: dict[str, Outcome], listener: Listener
     ) -> dict[str, str]:
         """Run tasks, note how each ended, and give those that dask blames for deaths of workers, with its words."""
-        from dask.distributed import as_completed
+        from dask.distributed import CancelledError, as_completed
 
         blamed: dict[str, str] = {}
         futures = client.get({BENCH: bench, **graph}, list(graph), sync=False)
         names = {future.key: name for future, (_, name) in zip(futures, graph, strict=True)}
-        for future in as_completed(futures):
-            if future.status == "finished":
-                outcome: Outcome = future.result()
-                ended[outcome.name] = outcome
-                listener.ended(outcome)
-                continue
-            error = future.exception()
-            if type(error).__name__ == "KilledWorker" and repr(names[future.key]) in str(error):
-                blamed[names[future.key]] = str(error)
+        with _watched(client, futures, patient=self.address is not None) as deserted:
+            for future in as_completed(futures):
+                try:
+                    finished: Outcome | None = future.result() if future.status == "finished" else None
+                except CancelledError:
+                    finished = None
+                if finished is not None:
+                    ended[finished.name] = finished
+                    listener.ended(finished)
+                    continue
+                if deserted.is_set():
+                    raise _Deserted
+                error = future.exception()
+                if type(error).__name__ == "KilledWorker" and repr(names[future.key]) in str(error):
+                    blamed[names[future.key]] = str(error)
         return blamed
 
     @contextmanager
@@ -234,8 +299,14 @@ class OnCluster:
 
 def _remaining(graph: TaskGraph, ended: Mapping[str, Outcome], kind: str) -> TaskGraph:
     """The tasks that have not ended, under names that dask has not heard, with the outcomes of those that have."""
+
+    def now(upstream: Any) -> Any:
+        if isinstance(upstream, Outcome):
+            return upstream
+        return ended.get(upstream[1], (kind, upstream[1]))
+
     return {
-        (kind, name): (*task, [ended.get(upstream, (kind, upstream)) for _, upstream in waits_for])
+        (kind, name): (*task, [now(upstream) for upstream in waits_for])
         for (_, name), (*task, waits_for) in graph.items()
         if name not in ended
     }

@@ -101,6 +101,30 @@ waits: {{stage: toy.clip, maps: deadly}}
     assert run.nodes["waits"].blocked_by == ("deadly",)
 
 
+def test_a_cluster_whose_workers_do_not_come_back_is_started_anew(toys: Toys, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dask's nannies give up when a worker takes too long to start, and dask then waits for ever."""
+
+    async def gives_up(nanny: object, code: int) -> None:
+        return
+
+    monkeypatch.setattr("distributed.nanny.Nanny._on_worker_exit", gives_up)
+    monkeypatch.setattr("pipeline.execution.executors._DESERTED_S", 1.0)
+    toys.graph(
+        f"""\
+        raw: {{stage: toy.source}}
+        once: {{stage: toy.kills_its_process, maps: raw, unless: {toys.folder / "dead"}}}
+        always: {{stage: toy.kills_its_process, maps: once}}
+        after: {{stage: toy.clip, maps: always}}
+        """
+    )
+    run = toys.run("executor=distributed", "executor.workers=1", "executor.dashboard=false")
+    assert {name: node.status for name, node in run.nodes.items() if node.status not in {"ran", "cached"}} == {
+        "always": "failed",
+        "after": "blocked",
+    }
+    assert "no worker of the cluster stays alive" in str(run.nodes["always"].error)
+
+
 def test_a_dead_worker_of_a_cluster_is_replaced(toys: Toys) -> None:
     toys.graph(
         f"""\
