@@ -17,6 +17,11 @@ from pipeline.storage.files import write_text
 
 PANEL_INCHES = (3.0, 2.3)
 MOST_METRICS = 24
+FEW_LINES, MOST_LINES = 6, 16
+"""Lines whose names fit into a panel, and beside the first panel of a column."""
+LEGEND_INCHES = 1.3
+CROWDED = 36
+"""Characters of an axis's names beyond which they are turned."""
 
 
 class SweepView(Protocol):
@@ -92,12 +97,13 @@ def _chart(rows: Sequence[Mapping[str, Any]], swept: Sequence[str], metrics: Seq
     from matplotlib.figure import Figure
 
     with rc_context({"font.size": 8, "svg.fonttype": "none", "axes.spines.top": False, "axes.spines.right": False}):
-        size = (PANEL_INCHES[0] * len(swept) + 0.5, PANEL_INCHES[1] * len(metrics))
+        beside = sum(FEW_LINES < _lines_over(rows, setting, swept) <= MOST_LINES for setting in swept)
+        size = (PANEL_INCHES[0] * len(swept) + 0.5 + LEGEND_INCHES * beside, PANEL_INCHES[1] * len(metrics))
         figure = Figure(figsize=size, layout="constrained")
         axes = figure.subplots(len(metrics), len(swept), squeeze=False, sharex="col", sharey="row")
         for i, metric in enumerate(metrics):
             for j, setting in enumerate(swept):
-                _panel(axes[i][j], rows, setting, metric, swept)
+                _panel(axes[i][j], rows, setting, metric, swept, first=i == 0)
             label = labelled(metric, 0.0)
             text = f"{label.label} ({label.unit})" if label.unit else label.label
             axes[i][0].set_ylabel("\n".join(wrap(text, 26)))
@@ -108,22 +114,37 @@ def _chart(rows: Sequence[Mapping[str, Any]], swept: Sequence[str], metrics: Seq
     return drawn.getvalue()[drawn.getvalue().index("<svg") :]
 
 
-def _panel(axes: Any, rows: Sequence[Mapping[str, Any]], setting: str, metric: str, swept: Sequence[str]) -> None:
+def _lines_over(rows: Sequence[Mapping[str, Any]], setting: str, swept: Sequence[str]) -> int:
+    return len({tuple(row[name] for name in swept if name != setting) for row in rows})
+
+
+def _panel(
+    axes: Any, rows: Sequence[Mapping[str, Any]], setting: str, metric: str, swept: Sequence[str], *, first: bool
+) -> None:
+    from matplotlib import colormaps
+
     known = [row for row in rows if row[metric] is not None]
     places = _places([row[setting] for row in rows])
     lines: dict[tuple[Any, ...], list[tuple[float, float]]] = {}
     for row in known:
         others = tuple(row[name] for name in swept if name != setting)
         lines.setdefault(others, []).append((places[row[setting]], row[metric]))
+    if len(lines) > 10:
+        axes.set_prop_cycle(color=colormaps["tab20"](range(20)))
     for others, points in lines.items():
         points.sort()
         axes.plot(*zip(*points, strict=True), "o-", markersize=3.5, linewidth=0.9, label=", ".join(map(str, others)))
     if _numbers(list(places)) is None or len(places) <= 8:
         axes.set_xticks(list(places.values()), [str(value) for value in places])
+        if len("".join(places)) > CROWDED:
+            axes.tick_params("x", labelrotation=90)
     axes.margins(x=0.08)
     axes.tick_params(labelbottom=True)
-    if 1 < len(lines) <= 6 and len(swept) > 1:
-        axes.legend(frameon=False, fontsize=6, title=", ".join(n.rpartition(".")[2] for n in swept if n != setting))
+    title = ", ".join(n.rpartition(".")[2] for n in swept if n != setting)
+    if 1 < len(lines) <= FEW_LINES and len(swept) > 1:
+        axes.legend(frameon=False, fontsize=6, title=title)
+    elif first and FEW_LINES < len(lines) <= MOST_LINES:
+        axes.legend(frameon=False, fontsize=6, title=title, loc="upper left", bbox_to_anchor=(1, 1))
 
 
 def _places(values: Sequence[str]) -> dict[str, float]:
