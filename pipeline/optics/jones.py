@@ -74,3 +74,15 @@ def polarizer_response(
     polarizer = np.asarray(polarizer_rad, dtype=np.float64)
     amplitude = np.cos(polarizer) * reflected[..., 0] + np.sin(polarizer) * reflected[..., 1]
     return np.abs(amplitude) ** 2
+
+
+def offset_without_film(amplitude_ratio: float, phase_rad: float) -> float | None:
+    """How far ahead of the grating's tangent the polariser stands where it is brightest, in [0, pi).
+
+    Half the phase of equation 9, whose last term is ``-r sin(zeta) sin 2 psi`` (the printed text drops a "sin"); None
+    where the polariser changes nothing, R being 1 or -1.
+    """
+    cosine, sine = 1 - amplitude_ratio**2, -2 * amplitude_ratio * np.sin(phase_rad)
+    if np.hypot(cosine, sine) <= 1e-12 * (1 + amplitude_ratio**2):
+        return None
+    return float(np.mod(np.arctan2(sine, cosine) / 2, np.pi))

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from pipeline.data import (
     GratingSample,
+    LineDeviation,
     Metrics,
     OrientationError,
     OrientationMap,
     PeriodMap,
     PictureSeries,
+    PolarizerResponse,
     PolarizerSequence,
 )
 from pipeline.optics.colour import encode_srgb
@@ -24,6 +26,7 @@ from pipeline.report.encoded import webp_uri
 from pipeline.report.maps import Scale, map_with_bar, marked, orientation_map, size_of, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import PICTURE_PIXELS, Figure, photos, pictures
+from pipeline.report.responses import deviations, responses
 from pipeline.report.shades import reduced
 
 CLIPPED_AT = 99
@@ -188,5 +191,7 @@ DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     PeriodMap: _period,
     OrientationError: _error,
     PictureSeries: lambda value, _: pictures(value),
+    PolarizerResponse: lambda value, _: responses(value),
+    LineDeviation: lambda value, _: deviations(value),
     Metrics: lambda *_: [],
 }

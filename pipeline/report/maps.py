@@ -60,7 +60,7 @@ def map_with_bar(values: NDArray[np.floating], pixel_mm: float | None, scale: Sc
     svg.image(png_uri(shown), axes.left, axes.top, axes.width, axes.height)
     axes.frame()
     ramp = np.linspace(scale.high, scale.low, 256, dtype=np.float32)[:, None]
-    bar, widest = _bar(svg, axes, colours(ramp, scale.low, scale.high, scale.shades), scale)
+    bar, widest = colour_bar(svg, axes, colours(ramp, scale.low, scale.high, scale.shades), scale)
     _histogram(svg, values, scale, (bar.right + 15 + 7 * widest, bar.top, 168 - 50 - 7 * widest, bar.height))
     return svg.markup(f"map of {scale.label}")
 
@@ -92,7 +92,7 @@ def marked(signal: NDArray[np.floating], kept: NDArray[np.bool_], pixel_mm: floa
     tinted = 0.55 * level + 0.45 * np.array(TINT, np.float32)
     svg.image(png_uri(share * level + (1 - share) * tinted), axes.left, axes.top, axes.width, axes.height)
     axes.frame()
-    _bar(svg, axes, encode_srgb(np.linspace(1, 0, 256)[:, None]), Scale("signal", 0.0, white))
+    colour_bar(svg, axes, encode_srgb(np.linspace(1, 0, 256)[:, None]), Scale("signal", 0.0, white))
     return svg.markup("what the mask keeps")
 
 
@@ -129,7 +129,7 @@ def _framed(shape: tuple[int, ...], pixel_mm: float | None, beside: float) -> tu
     return svg, axes
 
 
-def _bar(svg: Svg, axes: Axes, ramp: NDArray[np.floating], scale: Scale) -> tuple[Axes, int]:
+def colour_bar(svg: Svg, axes: Axes, ramp: NDArray[np.floating], scale: Scale) -> tuple[Axes, int]:
     """A colour bar beside a map, high above low; its axes, and the characters of its widest tick."""
     bar = Axes(svg, (axes.right + 16, axes.top, 13, axes.height), (0, 1), (scale.low, scale.high))
     svg.image(png_uri(ramp), bar.left, bar.top, bar.width, bar.height)

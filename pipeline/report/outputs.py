@@ -14,7 +14,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import GratingSample, OrientationError, OrientationMap, PeriodMap, PictureSeries, PolarizerSequence
+from pipeline.data import (
+    GratingSample,
+    LineDeviation,
+    OrientationError,
+    OrientationMap,
+    PeriodMap,
+    PictureSeries,
+    PolarizerResponse,
+    PolarizerSequence,
+)
 from pipeline.errors import PipelineError
 from pipeline.optics.colour import encode_srgb
 from pipeline.parallel import threads
@@ -23,6 +32,7 @@ from pipeline.report.exr import write_exr
 from pipeline.report.maps import Scale, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import Figure
+from pipeline.report.responses import shown_rows
 from pipeline.report.shades import colours, orientation_colours, reduced
 from pipeline.report.svg import standalone
 from pipeline.report.view import RunView
@@ -195,6 +205,27 @@ def _photos(stem: Path, value: PolarizerSequence) -> Written:
     yield _png(stem, np.vstack([np.hstack(cells[i : i + columns]) for i in range(0, len(cells), columns)]))
 
 
+def _response(stem: Path, value: PolarizerResponse) -> Written:
+    """Orientations go up, as in the report."""
+    yield _exr(stem, {"intensity": value.intensity[::-1]})
+    yield _png(stem, _coloured(shown_rows(value), Scale("I norm", -1, 1)))
+
+
+def _deviation(stem: Path, value: LineDeviation) -> Written:
+    path = stem.with_name(f"{stem.name}.csv")
+    columns = {
+        "orientation_deg": value.orientation_rad,
+        "deviation_deg": value.deviation_rad,
+        "prenormalized_deviation_deg": value.prenormalized_rad,
+    }
+    table = io.StringIO()
+    rows = csv.writer(table, lineterminator="\n")
+    rows.writerow(columns)
+    rows.writerows(np.rad2deg(np.stack(list(columns.values()), axis=1)).tolist())
+    write_text(path, table.getvalue())
+    yield path
+
+
 def _exr(stem: Path, channels: dict[str, NDArray[Any]], **attributes: float | None) -> Path:
     path = stem.with_name(f"{stem.name}.exr")
     write_exr(path, channels, attributes)
@@ -218,4 +249,6 @@ WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     GratingSample.__name__: _sample,
     OrientationError.__name__: _error,
     PictureSeries.__name__: _pictures,
+    PolarizerResponse.__name__: _response,
+    LineDeviation.__name__: _deviation,
 }

@@ -17,13 +17,22 @@ ROOT = Path(__file__).resolve().parents[2]
 RIG_WORDS = {"replay": ["rig.folder=photos"]}
 
 
+def takes_photographs(path: Path) -> bool:
+    return "override /rig:" in path.read_text()
+
+
 @pytest.mark.parametrize("rig", options("rig"))
-@pytest.mark.parametrize("experiment", options("experiment"))
+@pytest.mark.parametrize("experiment", [n for n, path in options("experiment").items() if takes_photographs(path)])
 def test_every_experiment_is_right_on_every_rig(experiment: str, rig: str) -> None:
     graph = Experiment.load([f"+experiment={experiment}", f"rig={rig}", *RIG_WORDS.get(rig, [])]).graph
     assert "fit" in graph.nodes
     assert ("sample" in graph.nodes) == rig.endswith("simulated")
     assert ("evaluate" in graph.nodes) == rig.endswith("simulated")
+
+
+@pytest.mark.parametrize("experiment", [n for n, path in options("experiment").items() if not takes_photographs(path)])
+def test_every_experiment_without_photographs_is_right(experiment: str) -> None:
+    assert "evaluate" in Experiment.load([f"+experiment={experiment}"]).graph.nodes
 
 
 @pytest.mark.parametrize("executor", options("executor"))

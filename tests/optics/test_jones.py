@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.optics.jones import CIRCULAR, grating, polarizer_response, retarder, rotation
+from pipeline.optics.jones import CIRCULAR, grating, offset_without_film, polarizer_response, retarder, rotation
 
 ANGLES = st.floats(-7, 7)
 RATIOS = st.floats(0.2, 3)
@@ -73,3 +73,51 @@ def test_the_maximum_follows_the_grating_anticlockwise() -> None:
     psi = np.linspace(0, np.pi, 1800, endpoint=False)
     brightest = [psi[np.argmax(polarizer_response(psi, theta, **SETTINGS))] for theta in (0.2, 0.7)]
     assert (brightest[1] - brightest[0]) % np.pi == pytest.approx(0.5, abs=2e-3)
+
+
+PSI = np.pi * np.arange(24) / 24
+THETA = np.pi * np.arange(240)[:, None] / 240
+
+
+@given(st.floats(0.2, 3), st.floats(-3, 3), ANGLES)
+def test_without_a_film_the_brightest_angle_is_ahead_by_half_the_phase_of_equation_9(
+    r: float, zeta: float, theta: float
+) -> None:
+    offset = offset_without_film(r, zeta)
+    assert offset is not None
+    settings = {"amplitude_ratio": r, "phase_rad": zeta}
+    brightest = polarizer_response(theta + offset, theta, **settings)
+    assert np.all(polarizer_response(PSI, theta, **settings) <= brightest + 1e-12)
+
+
+@pytest.mark.parametrize("phase_rad", [0.0, np.pi])
+def test_a_ratio_of_one_or_minus_one_has_no_brightest_angle(phase_rad: float) -> None:
+    assert offset_without_film(1.0, phase_rad) is None
+    assert np.ptp(polarizer_response(PSI, THETA, amplitude_ratio=1.0, phase_rad=phase_rad)) < 1e-12
+
+
+@given(st.floats(0, 1.5))
+def test_a_film_over_ratio_one_has_its_closed_form(delta: float) -> None:
+    """The grating then is a half-wave plate: S1 = 2 sin(d) sin(4 t), S2 = -sin(2 d) (1 + cos(4 t))."""
+    s1 = 2 * np.sin(delta) * np.sin(4 * THETA)
+    s2 = -np.sin(2 * delta) * (1 + np.cos(4 * THETA))
+    found = polarizer_response(PSI, THETA, amplitude_ratio=1.0, phase_rad=0.0, retardation_rad=delta)
+    np.testing.assert_allclose(found, 1 + (s1 * np.cos(2 * PSI) + s2 * np.sin(2 * PSI)) / 2, atol=1e-12)
+
+
+@given(st.floats(0, 1.5))
+def test_a_film_over_ratio_minus_one_hides_how_the_mirror_is_turned(delta: float) -> None:
+    """The field passes the film twice, and a mirror changes nothing: S2 = 2 sin(2 d)."""
+    found = polarizer_response(PSI, THETA, amplitude_ratio=1.0, phase_rad=np.pi, retardation_rad=delta)
+    expected = np.broadcast_to(1 + np.sin(2 * delta) * np.sin(2 * PSI), found.shape)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+@given(st.floats(0.5, 1.5), st.floats(-3, 3), st.floats(0, 1), st.floats(0, 3))
+def test_the_map_mirrored_in_the_films_axis_is_that_of_the_opposite_handedness(
+    r: float, zeta: float, delta: float, theta: float
+) -> None:
+    """Mirroring psi and theta swaps left and right circular light, which conjugation of R and the film swaps back."""
+    one = polarizer_response(PSI, theta, amplitude_ratio=r, phase_rad=zeta, retardation_rad=delta)
+    other = polarizer_response(-PSI, -theta, amplitude_ratio=r, phase_rad=-zeta, retardation_rad=-delta)
+    np.testing.assert_allclose(other, one, atol=1e-12)

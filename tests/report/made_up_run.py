@@ -11,11 +11,13 @@ import numpy as np
 
 from pipeline.data import (
     GratingSample,
+    LineDeviation,
     Metrics,
     OrientationError,
     OrientationMap,
     PeriodMap,
     PictureSeries,
+    PolarizerResponse,
     PolarizerSequence,
 )
 
@@ -98,6 +100,22 @@ def polygons(side: int = SIDE, sectors: int = 7) -> tuple[np.ndarray, np.ndarray
     return orientation, np.where(outside, np.nan, 0.8 + 0.1 * (sector % 4)).astype(np.float32)
 
 
+def polarizer_response(rows: int = 12, columns: int = 20, offset: float = 2.1) -> PolarizerResponse:
+    """A map without a film, its third row flat."""
+    theta, psi = np.arange(rows) * np.pi / rows, np.arange(columns) * np.pi / columns
+    maximum = np.mod(theta + offset, np.pi)
+    intensity = 1 + 0.5 * np.cos(2 * (psi - maximum[:, None]))
+    intensity[2], maximum[2] = 1.0, np.nan
+    return PolarizerResponse(intensity, psi, theta, maximum, 1.1, 0.7, 0.05, 0.0, offset, "a made-up grating")
+
+
+def line_deviation() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Orientations, a deviation that wraps, and one after pre-normalisation."""
+    theta = np.arange(18) * np.pi / 18
+    wrapping = (2 * theta) % np.pi - np.pi / 2
+    return theta, wrapping, 0.1 * np.sin(2 * theta)
+
+
 def values_of_every_type(side: int = SIDE, count: int = 4) -> dict[str, Any]:
     random = np.random.default_rng(1)
     orientation, period = polygons(side)
@@ -120,6 +138,8 @@ def values_of_every_type(side: int = SIDE, count: int = 4) -> dict[str, Any]:
         "torch": PictureSeries(rgb, lights, camera, PIXEL_MM, "Photographed"),
         "rendering": PictureSeries(0.9 * rgb, lights.copy(), camera, PIXEL_MM, "Rendered"),
         "evaluate": OrientationError(error, 0.3, {"orientation_error_mean_deg": 0.4}),
+        "response": polarizer_response(),
+        "line": LineDeviation(*line_deviation(), {"deviation_mean_deg": 1.3}),
         "quality": Metrics({"correlation_mean": 0.99, "masked_share_percent": 12.5}),
     }
 
@@ -132,6 +152,7 @@ def run_with(values: Mapping[str, Any], path: Path) -> FakeRun:
         "period": {"orientation": ("fit",)},
         "rendering": {"orientation": ("fit",), "period": ("period",)},
         "evaluate": {"estimate": ("fit",), "truth": ("sample",)},
+        "line": {"response": ("response",)},
         "quality": {"estimate": ("fit",)},
     }
     settings = {"count": 4, "rig": {"device": "toy.Rig", "camera": {"pixel_mm": 0.1}}, "seed": None}

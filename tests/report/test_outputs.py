@@ -62,6 +62,7 @@ def test_the_files_are_those_that_a_person_opens(run: FakeRun) -> None:
     written = write_outputs(run)
     expected = {"fit.exr", "fit.png", "period.exr", "period.png", "sample.exr", "evaluate.exr", "evaluate.png"}
     expected |= {f"{node}_{i}.{kind}" for node in ("torch", "rendering") for i in range(3) for kind in ("exr", "png")}
+    expected |= {"response.exr", "response.png", "line.csv"}
     assert {path.name for path in written} == expected | {"photos.png", "metrics.csv"}
     assert {path.name for path in (run.path / "outputs").iterdir()} == {p.name for p in written} | {".written.json"}
 
