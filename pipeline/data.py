@@ -151,6 +151,10 @@ class OrientationMap:
         Pixel pitch on the sample.
     absolute : bool
         False where the map is known only up to one offset, the same for every pixel.
+    standard_error_rad : ndarray of shape (M, N), float32, or None
+        Standard error of the orientation as the fit states it; NaN outside ``mask``.
+    parameters : dict of str to float
+        What the fit found that the whole sample has in common: each name ends in its unit.
     """
 
     orientation_rad: FloatArray
@@ -159,6 +163,8 @@ class OrientationMap:
     mask: BoolArray
     pixel_mm: float | None = None
     absolute: bool = False
+    standard_error_rad: FloatArray | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

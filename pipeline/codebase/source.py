@@ -126,12 +126,12 @@ class Sources:
         return self._modules[name]
 
     def modules_in(self, package: str) -> Iterator[ModuleSource]:
-        """The modules directly inside a package, by name."""
+        """The modules directly inside a package, by name; those whose names begin with an underscore are its own."""
         folder = self.folder_of(package)
         if folder is None:
             return
         for file in sorted(folder.glob("*.py")):
-            if file.name != "__init__.py" and (module := self.module(f"{package}.{file.stem}")):
+            if not file.name.startswith("_") and (module := self.module(f"{package}.{file.stem}")):
                 yield module
 
     def subpackages(self, package: str) -> Iterator[str]:

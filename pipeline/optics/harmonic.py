@@ -18,7 +18,8 @@ Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 HarmonicMaps = tuple[Float32Array, Float32Array, Float32Array]
 
-_TILE = 1024  # pixels of a row whose accumulators and photographs stay in the first-level cache
+TILE = 1024
+"""Pixels of a row whose accumulators and photographs stay in the first-level cache."""
 _PI = np.float32(np.pi)
 _HALF_PI = np.float32(np.pi / 2)
 
@@ -40,9 +41,11 @@ class HarmonicFit:
     Attributes
     ----------
     mean, cosine, sine : ndarray of shape (K,), float64
-        The rows of the pseudo-inverse of ``[1, cos 2 psi, sin 2 psi]``.
+        The rows of the (weighted) pseudo-inverse of ``[1, cos 2 psi, sin 2 psi]``.
+    photo_weights : ndarray of shape (K,), float64
+        Weight of each photograph's square, 1 on average.
     centres : ndarray of shape (2,), float64
-        Means of ``cos 2 psi_k`` and ``sin 2 psi_k``; zero for equal steps over half a turn.
+        Weighted means of ``cos 2 psi_k`` and ``sin 2 psi_k``; zero for equal weights and steps over half a turn.
     gram : ndarray of shape (3,), float64
         ``sum (c C_k + s S_k)^2 = gram . (c^2, 2 c s, s^2)`` with ``C``, ``S`` the centred cosines and sines: the part
         of a pixel's sum of squares about its mean that the cosine explains.
@@ -53,13 +56,21 @@ class HarmonicFit:
     mean: Float64Array
     cosine: Float64Array
     sine: Float64Array
+    photo_weights: Float64Array
     centres: Float64Array
     gram: Float64Array
     condition: float
 
 
-def harmonic_fit(polarizer_rad: ArrayLike) -> HarmonicFit:
+def harmonic_fit(polarizer_rad: ArrayLike, photo_weights: ArrayLike | None = None) -> HarmonicFit:
     """Least-squares weights for photographs at ``polarizer_rad``; the steps need not be equal.
+
+    Parameters
+    ----------
+    polarizer_rad : array of shape (K,)
+        Polariser angles.
+    photo_weights : array of shape (K,), optional
+        Relative weights of the photographs' squares, such as one over their noise; equal if not given.
 
     Raises
     ------
@@ -71,11 +82,15 @@ def harmonic_fit(polarizer_rad: ArrayLike) -> HarmonicFit:
     condition = float(np.linalg.cond(design))
     if len(double) < 3 or condition > 1e8:
         raise ValueError("a cosine needs photographs at three or more polariser angles distinct modulo 180 degrees")
-    mean, cosine, sine = np.linalg.pinv(design)
-    centres = design[:, 1:].mean(axis=0)
-    centred_cos, centred_sin = (design[:, 1:] - centres).T
-    gram = np.array([centred_cos @ centred_cos, centred_cos @ centred_sin, centred_sin @ centred_sin])
-    return HarmonicFit(mean, cosine, sine, centres, gram, condition)
+    weights = np.ones(len(double)) if photo_weights is None else np.asarray(photo_weights, np.float64)
+    weights = weights / weights.mean()
+    root = np.sqrt(weights)
+    mean, cosine, sine = np.linalg.pinv(design * root[:, None]) * root
+    centres = np.average(design[:, 1:], axis=0, weights=weights)
+    centred = design[:, 1:] - centres
+    products = (centred * weights[:, None]).T @ centred
+    gram = np.array([products[0, 0], products[0, 1], products[1, 1]])
+    return HarmonicFit(mean, cosine, sine, weights, centres, gram, condition)
 
 
 @njit(float32(float32, float32), inline="always", error_model="numpy")
@@ -96,56 +111,67 @@ def _half_atan2(sine, cosine):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+def accumulate(images, reference, weights, row, left, width, sums):  # type: ignore[no-untyped-def]
+    """Weighted sums over the photographs of ``width`` pixels of a row, from ``left`` on.
+
+    ``weights`` (4, K) are those of mean, cosine, sine and squares, ``sums`` (5, tile) is written with the sums of all
+    four and the pixel of the first photograph. Differences to that are summed, so that the sums stay accurate where the
+    modulation is weak.
+    """
+    count = len(images)
+    zeroth, cosine, sine, square, pivot = sums[0], sums[1], sums[2], sums[3], sums[4]
+    here = slice(left, left + width)
+    first = images[0, row, here]
+    for j in range(width):
+        pivot[j] = np.float32(first[j]) - reference[0]
+        zeroth[j] = cosine[j] = sine[j] = square[j] = np.float32(0)
+    k = 1
+    while k + 4 <= count:
+        one, two, three, four = (
+            images[k, row, here],
+            images[k + 1, row, here],
+            images[k + 2, row, here],
+            images[k + 3, row, here],
+        )
+        r1, r2, r3, r4 = reference[k], reference[k + 1], reference[k + 2], reference[k + 3]
+        m1, m2, m3, m4 = weights[0, k], weights[0, k + 1], weights[0, k + 2], weights[0, k + 3]
+        c1, c2, c3, c4 = weights[1, k], weights[1, k + 1], weights[1, k + 2], weights[1, k + 3]
+        s1, s2, s3, s4 = weights[2, k], weights[2, k + 1], weights[2, k + 2], weights[2, k + 3]
+        q1, q2, q3, q4 = weights[3, k], weights[3, k + 1], weights[3, k + 2], weights[3, k + 3]
+        for j in range(width):
+            y1 = (np.float32(one[j]) - r1) - pivot[j]
+            y2 = (np.float32(two[j]) - r2) - pivot[j]
+            y3 = (np.float32(three[j]) - r3) - pivot[j]
+            y4 = (np.float32(four[j]) - r4) - pivot[j]
+            zeroth[j] = m4 * y4 + (m3 * y3 + (m2 * y2 + (m1 * y1 + zeroth[j])))
+            cosine[j] = c4 * y4 + (c3 * y3 + (c2 * y2 + (c1 * y1 + cosine[j])))
+            sine[j] = s4 * y4 + (s3 * y3 + (s2 * y2 + (s1 * y1 + sine[j])))
+            square[j] = q4 * y4 * y4 + (q3 * y3 * y3 + (q2 * y2 * y2 + (q1 * y1 * y1 + square[j])))
+        k += 4
+    while k < count:
+        one = images[k, row, here]
+        r1, m1, c1, s1, q1 = reference[k], weights[0, k], weights[1, k], weights[2, k], weights[3, k]
+        for j in range(width):
+            y1 = (np.float32(one[j]) - r1) - pivot[j]
+            zeroth[j] = m1 * y1 + zeroth[j]
+            cosine[j] = c1 * y1 + cosine[j]
+            sine[j] = s1 * y1 + sine[j]
+            square[j] = q1 * y1 * y1 + square[j]
+        k += 1
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def _fit_rows(  # type: ignore[no-untyped-def]
     images, reference, weights, centres, gram, level, start, stop, orientation, correlation, mean
 ):
     count, _, columns = images.shape
-    zeroth = np.empty(_TILE, np.float32)
-    cosine = np.empty(_TILE, np.float32)
-    sine = np.empty(_TILE, np.float32)
-    square = np.empty(_TILE, np.float32)
-    pivot = np.empty(_TILE, np.float32)
+    sums = np.empty((5, TILE), np.float32)
+    zeroth, cosine, sine, square, pivot = sums[0], sums[1], sums[2], sums[3], sums[4]
     for row in range(start, stop):
-        for left in range(0, columns, _TILE):
-            width = min(_TILE, columns - left)
+        for left in range(0, columns, TILE):
+            width = min(TILE, columns - left)
             here = slice(left, left + width)
-            # Differences to the first photograph: the sums stay accurate where the modulation is weak.
-            first = images[0, row, here]
-            for j in range(width):
-                pivot[j] = np.float32(first[j]) - reference[0]
-                zeroth[j] = cosine[j] = sine[j] = square[j] = np.float32(0)
-            k = 1
-            while k + 4 <= count:
-                one, two, three, four = (
-                    images[k, row, here],
-                    images[k + 1, row, here],
-                    images[k + 2, row, here],
-                    images[k + 3, row, here],
-                )
-                r1, r2, r3, r4 = reference[k], reference[k + 1], reference[k + 2], reference[k + 3]
-                m1, m2, m3, m4 = weights[0, k], weights[0, k + 1], weights[0, k + 2], weights[0, k + 3]
-                c1, c2, c3, c4 = weights[1, k], weights[1, k + 1], weights[1, k + 2], weights[1, k + 3]
-                s1, s2, s3, s4 = weights[2, k], weights[2, k + 1], weights[2, k + 2], weights[2, k + 3]
-                for j in range(width):
-                    y1 = (np.float32(one[j]) - r1) - pivot[j]
-                    y2 = (np.float32(two[j]) - r2) - pivot[j]
-                    y3 = (np.float32(three[j]) - r3) - pivot[j]
-                    y4 = (np.float32(four[j]) - r4) - pivot[j]
-                    zeroth[j] = m4 * y4 + (m3 * y3 + (m2 * y2 + (m1 * y1 + zeroth[j])))
-                    cosine[j] = c4 * y4 + (c3 * y3 + (c2 * y2 + (c1 * y1 + cosine[j])))
-                    sine[j] = s4 * y4 + (s3 * y3 + (s2 * y2 + (s1 * y1 + sine[j])))
-                    square[j] = y4 * y4 + (y3 * y3 + (y2 * y2 + (y1 * y1 + square[j])))
-                k += 4
-            while k < count:
-                one = images[k, row, here]
-                r1, m1, c1, s1 = reference[k], weights[0, k], weights[1, k], weights[2, k]
-                for j in range(width):
-                    y1 = (np.float32(one[j]) - r1) - pivot[j]
-                    zeroth[j] = m1 * y1 + zeroth[j]
-                    cosine[j] = c1 * y1 + cosine[j]
-                    sine[j] = s1 * y1 + sine[j]
-                    square[j] = y1 * y1 + square[j]
-                k += 1
+            accumulate(images, reference, weights, row, left, width, sums)
             orientation_row = orientation[row, here]
             correlation_row = correlation[row, here]
             mean_row = mean[row, here]
@@ -169,8 +195,8 @@ def fit_rows(
 ) -> Callable[[int, int], None]:
     """Prepare :func:`fit_second_harmonic` for threads: the call that reads and writes rows ``start`` to ``stop``."""
     subtract = np.zeros(len(images), np.float32) if reference is None else np.asarray(reference, np.float32)
-    photographs = _read_only(images)
-    weights = np.stack([fit.mean, fit.cosine, fit.sine]).astype(np.float32)
+    photographs = read_only(images)
+    weights = np.stack([fit.mean, fit.cosine, fit.sine, fit.photo_weights]).astype(np.float32)
     centres = fit.centres.astype(np.float32)
     gram = (fit.gram * [1, 2, 1]).astype(np.float32)
     level = np.float32(fit.mean @ subtract)
@@ -226,7 +252,7 @@ def mask_rows(
     mask : ndarray of shape (M, N), bool
         Written with the pixels that are kept; another array than ``valid``.
     """
-    choice, cut = _read_only(valid), np.float32(least)
+    choice, cut = read_only(valid), np.float32(least)
     return lambda start, stop: _mask_rows(*maps, choice, cut, start, stop, mask)
 
 
@@ -246,11 +272,11 @@ def sum_rows(
     tile : int
         Rows that a thread is given at a time.
     """
-    photographs, kept = _read_only(images), _read_only(mask)
+    photographs, kept = read_only(images), read_only(mask)
     return lambda start, stop: _sum_rows(photographs, kept, start, stop, sums[start // tile])
 
 
-def _read_only(values: NDArray[Any]) -> NDArray[Any]:
+def read_only(values: NDArray[Any]) -> NDArray[Any]:
     """A view for kernels, which then are compiled once for arrays and read-only memory maps."""
     view = np.asarray(values).view()
     view.flags.writeable = False

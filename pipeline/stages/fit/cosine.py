@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import logging
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import BoolArray, FloatArray, OrientationMap, PolarizerSequence
-from pipeline.errors import InputError
-from pipeline.optics.harmonic import HarmonicFit, empty_maps, fit_rows, harmonic_fit, mask_rows, sum_rows
-from pipeline.optics.threshold import two_modes
+from pipeline.optics.harmonic import HarmonicFit, empty_maps, fit_rows, mask_rows, sum_rows
 from pipeline.parallel import over_rows
+from pipeline.stages.fit._photographs import checked_fit, ground_threshold, nothing_left, warn_of_noise
 
 _log = logging.getLogger(__name__)
 
-_ILL_CONDITIONED = 20.0
-_LEAST_BEYOND_NOISE = 0.25
-_SAMPLES = 40_000
 _UNKNOWNS = 3
-_THRESHOLD_PIXELS = 100_000
 _TILE = 128
 
 # Processors round sines and cosines differently in the last bits of float32: up to 1e-6 was seen.
@@ -70,19 +64,15 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
     Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
     sections 5.3 and 7.3; eq. 9.
     """
-    fit = _checked_fit(photos)
+    fit = checked_fit(photos)
     maps = empty_maps(*photos.valid.shape)
     orientation, correlation, intensity = maps
     over_rows(fit_rows(photos.images, fit, None, maps), len(intensity), tile=_TILE)
-    cut = _automatic_threshold(intensity, photos.valid) if threshold is None else threshold
+    cut = ground_threshold(intensity, photos.valid) if threshold is None else threshold
     mask = np.empty(photos.valid.shape, np.bool_)
     over_rows(mask_rows(maps, photos.valid, cut, mask), len(mask), tile=_TILE)
     if not mask.any():
-        raise InputError(
-            f"no pixel is valid, modulated and brighter than {cut:.3g}",
-            expected="a threshold below the brightness of the diffracting pixels",
-            hint="set the fit's threshold to 0 to keep every valid pixel",
-        )
+        raise nothing_left(cut)
     if prenormalize:
         level = _photo_means(photos.images, mask)
         _report_common(fit, level)
@@ -101,66 +91,14 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
         )
         correlation[:] = np.nan
     else:
-        _report_noise(correlation, mask, len(photos.images))
+        warn_of_noise(correlation, mask, len(photos.images))
     return OrientationMap(orientation, correlation, intensity, mask, photos.pixel_mm)
-
-
-def _report_noise(correlation: FloatArray, mask: BoolArray, count: int) -> None:
-    """Warn where the cosine explains hardly more than it would of noise.
-
-    Of Gaussian noise it explains a share that is distributed as Beta(1, (count - 3) / 2).
-    """
-    step = max(1, int(np.sqrt(correlation.size / _SAMPLES)))
-    explained = float(np.median(np.square(correlation[::step, ::step][mask[::step, ::step]], dtype=np.float64)))
-    of_noise = 1 - 0.5 ** (2 / (count - _UNKNOWNS))
-    if explained < of_noise + _LEAST_BEYOND_NOISE * (1 - of_noise):
-        _log.warning(
-            "The cosine explains %.0f percent of what varies in most pixels, and %.0f percent of mere noise: the "
-            "orientations may mean nothing.",
-            100 * explained,
-            100 * of_noise,
-        )
 
 
 def _photo_means(images: FloatArray, mask: BoolArray) -> NDArray[np.float64]:
     sums = np.zeros((-(-len(mask) // _TILE), len(images)))
     over_rows(sum_rows(images, mask, sums, _TILE), len(mask), tile=_TILE)
     return sums.sum(axis=0) / np.count_nonzero(mask)
-
-
-def _checked_fit(photos: PolarizerSequence) -> HarmonicFit:
-    degrees = ", ".join(f"{angle:g}" for angle in np.rad2deg(photos.polarizer_rad))
-    try:
-        fit = harmonic_fit(photos.polarizer_rad)
-    except ValueError as error:
-        raise InputError(str(error), where=f"polariser angles {degrees} deg") from error
-    if fit.condition > _ILL_CONDITIONED:
-        _log.warning(
-            "The polariser angles %s deg leave the cosine badly determined: noise grows up to %.0f times.",
-            degrees,
-            fit.condition / np.sqrt(2),
-        )
-    return fit
-
-
-def _automatic_threshold(intensity: FloatArray, valid: BoolArray) -> float:
-    """The cut between ground and print, from an even grid of pixels."""
-    step = max(1, math.isqrt(np.count_nonzero(valid) // _THRESHOLD_PIXELS))
-    modes = two_modes(intensity[::step, ::step][valid[::step, ::step]])
-    figures = (
-        f"Otsu's cut explains {modes.separability:.2f} of the variance of the log intensity, "
-        f"valley {modes.valley:.2f}, bright over dark {modes.ratio:.1f}"
-    )
-    if not modes.distinct:
-        _log.info("No ground told apart, all valid pixels kept: the histogram has no two distinct modes (%s).", figures)
-        return -np.inf
-    _log.info(
-        "Pixels darker than %.4g (%.1f percent) taken for ground: the histogram has two distinct modes (%s).",
-        modes.threshold,
-        100 * modes.below,
-        figures,
-    )
-    return modes.threshold
 
 
 def _report_common(fit: HarmonicFit, level: NDArray[np.float64]) -> None:

@@ -54,7 +54,7 @@ def offset(
     Parameters
     ----------
     orientation, period : OrientationMap, PeriodMap
-        Of shape (M, N).
+        Of shape (M, N); a map that is absolute already is given back as it is, unless ``known_deg`` is given.
     photos : PictureSeries, optional
         Of shape (L, M, N, 3), from the same place as the maps' photographs, with light and camera known. Without any
         and without ``known_deg`` the map is given back as it is.
@@ -100,6 +100,9 @@ def offset(
         return dataclasses.replace(
             orientation, orientation_rad=_turned(orientation, np.deg2rad(known_deg)), absolute=True
         )
+    if orientation.absolute:
+        _log.info("The map is absolute already: nothing is added.")
+        return orientation
     if photos is None:
         _log.info("No photographs under a small light: the offset stays unknown.")
         return orientation

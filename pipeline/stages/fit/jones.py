@@ -1,0 +1,278 @@
+"""Grating orientation from the whole forward model: film, grating and polariser."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from pipeline.data import OrientationMap, PolarizerSequence
+from pipeline.errors import InputError
+from pipeline.limits import above_zero, at_least, refuse, within
+from pipeline.optics.curve_reading import Reading, orientation_gradient, read_rows, reading
+from pipeline.optics.curve_search import CurveFit, Points, find_curve, rival_turn, turn_by_unknowns
+from pipeline.optics.harmonic import HarmonicFit, harmonic_fit
+from pipeline.optics.response_curve import DARK, StokesNoise, harmonic_design, response_curve
+from pipeline.parallel import over_rows
+from pipeline.stages.fit._photographs import checked_fit, ground_threshold, nothing_left
+
+_log = logging.getLogger(__name__)
+
+Float64Array = NDArray[np.float64]
+
+_SAMPLES = 40_000
+_TILE = 128
+_LEAST_GAIN = 1e-9
+_FIRST_GAIN = 1e-4
+_POOR = 3.0
+
+# Processors round differently in the last bits, and the search ends where a step no longer helps.
+_tolerance_jones = {
+    "orientation_rad": 1e-3,
+    "correlation": 1e-5,
+    "intensity": 1e-4,
+    "standard_error_rad": 1e-3,
+    "parameters": 0.1,
+}
+
+
+def jones(
+    photos: PolarizerSequence,
+    *,
+    amplitude_ratio: float | None = None,
+    phase_deg: float | None = None,
+    retardation_deg: float | None = None,
+    film_axis_deg: float | None = 0.0,
+    threshold: float | None = None,
+    points: int = 4000,
+    absolute_within_deg: float = 2.0,
+) -> OrientationMap:
+    """Find the curve on which the sample's polarisation lies, and read every pixel's orientation off it.
+
+    Behind an ideal polariser the photographs hold three numbers a pixel: brightness and two Stokes parameters relative
+    to it. Those two lie on a closed curve that the orientation traces, and whose shape is the whole sample's: ``R = r
+    exp(i zeta)`` of its gratings, and the film's retardation. The curve is fitted robustly to some of the pixels, from
+    many starts since there are false minima, each weighed by the likelihood of the points; then every pixel takes the
+    orientation of the nearest place on it, in units of its photon noise. What is given is not searched for.
+
+    With a film the map is absolute: its axis is the reference. Without one the curve is a circle around the origin, and
+    the offset is not known to any method that looks through a polariser only. Whether it is comes out of the fit's
+    covariance and of other minima that fit as well; the report says so and ``absolute`` tells. Gratings of ``zeta``
+    and ``-zeta`` with the reciprocal ratio differ by 90 degrees and cannot be told apart; ``zeta`` is taken between 0
+    and 180 degrees.
+
+    Parameters
+    ----------
+    photos : PolarizerSequence
+        K photographs, K >= 3, aligned; polariser angles distinct modulo 180 degrees.
+    amplitude_ratio, phase_deg : float, optional
+        ``r`` and ``zeta`` of the zeroth order, where known.
+    retardation_deg : float, optional
+        Of one pass through the film, where known; negative where the film delays what vibrates along its axis.
+    film_axis_deg : float, optional
+        Direction of the film's axis, anticlockwise from +x; ``null`` searches it.
+    threshold : float, optional
+        Least mean intensity of a pixel that diffracts; found from the histogram by default, as by ``fit.cosine``.
+    points : int
+        Pixels that the curve is fitted to.
+    absolute_within_deg : float
+        The map counts as absolute where its offset's standard deviation is smaller.
+
+    Returns
+    -------
+    OrientationMap
+        ``standard_error_rad`` comes from the photon noise that the photographs show, from the uncertainty of the curve
+        (its offset left out where the map is relative), from another branch of the curve nearby, and from how much
+        worse than its noise a pixel fits, as one does that mixes two facets. ``intensity`` is the brightness over a
+        turn of the polariser, its dependence on the orientation removed. ``parameters`` are those of the curve.
+
+    Raises
+    ------
+    InputError
+        Fewer than three distinct polariser angles, no pixel left, or settings that cannot be.
+
+    References
+    ----------
+    Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
+    section 5.2 (the forward model); the estimator is this project's own.
+    """
+    _check_jones(
+        amplitude_ratio=amplitude_ratio,
+        phase_deg=phase_deg,
+        retardation_deg=retardation_deg,
+        points=points,
+        absolute_within_deg=absolute_within_deg,
+    )
+    given = {"amplitude_ratio": amplitude_ratio} | {
+        name.replace("_deg", "_rad"): None if value is None else float(np.deg2rad(value))
+        for name, value in {
+            "phase_deg": phase_deg,
+            "retardation_deg": retardation_deg,
+            "film_axis_deg": film_axis_deg,
+        }.items()
+    }
+    checked_fit(photos)
+    some = _some_pixels(photos, threshold)
+    cloud, gain = _cloud(some, photos.polarizer_rad, points)
+    found = find_curve(cloud, {name: value for name, value in given.items() if value is not None})
+    if len(photos.images) == 3:  # the three numbers leave nothing over: the distances tell the noise
+        gain *= max(found.misfit, 1e-3) ** 2
+        cloud, _ = _cloud(some, photos.polarizer_rad, points, gain)
+        found = find_curve(cloud, {name: value for name, value in given.items() if value is not None})
+    fit = harmonic_fit(photos.polarizer_rad, cloud.photo_weights)
+    lookup, offset_rad = _prepared(found, fit, cloud, np.deg2rad(absolute_within_deg))
+    absolute = offset_rad <= np.deg2rad(absolute_within_deg)
+    _report(found, offset_rad, absolute)
+    orientation, correlation, brightness, error = (np.empty(photos.valid.shape, np.float32) for _ in range(4))
+    mask = np.empty(photos.valid.shape, np.bool_)
+    rows = read_rows(
+        photos.images,
+        photos.valid,
+        fit,
+        lookup,
+        gain=gain,
+        least=some.least,
+        out=(orientation, correlation, brightness, error),
+        mask=mask,
+    )
+    over_rows(rows, len(mask), tile=_TILE)
+    return OrientationMap(
+        orientation,
+        correlation,
+        brightness,
+        mask,
+        photos.pixel_mm,
+        absolute,
+        standard_error_rad=error,
+        parameters=_parameters(found, offset_rad, gain),
+    )
+
+
+def _check_jones(
+    *,
+    amplitude_ratio: float | None,
+    phase_deg: float | None,
+    retardation_deg: float | None,
+    points: int,
+    absolute_within_deg: float,
+    **_: object,
+) -> None:
+    """Refuse what no grating has, before anything runs."""
+    problems: list[InputError] = []
+    if amplitude_ratio is not None:
+        problems += within(0.5, 2, amplitude_ratio=amplitude_ratio)
+    if phase_deg is not None:
+        problems += within(0, 180, phase_deg=phase_deg)
+    if retardation_deg is not None:
+        problems += within(-90, 90, retardation_deg=retardation_deg)
+    refuse(
+        problems,
+        at_least(100, "fewer do not show a curve", points=points),
+        above_zero(absolute_within_deg=absolute_within_deg),
+    )
+
+
+@dataclass(frozen=True)
+class _SomePixels:
+    """Diffracting pixels of an even grid: their photographs (K, P), and the least brightness of such a pixel."""
+
+    values: Float64Array
+    least: float
+
+
+def _some_pixels(photos: PolarizerSequence, threshold: float | None) -> _SomePixels:
+    step = max(1, int(np.sqrt(photos.valid.size / _SAMPLES)))
+    valid = photos.valid[::step, ::step]
+    values = photos.images[:, ::step, ::step].astype(np.float64)
+    level = np.tensordot(harmonic_fit(photos.polarizer_rad).mean, values, 1)
+    least = ground_threshold(level, valid) if threshold is None else threshold
+    kept = valid & (level >= least) & (level > 0)
+    if np.count_nonzero(kept) < 10:
+        raise nothing_left(least)
+    return _SomePixels(values[:, kept], float(least))
+
+
+def _cloud(
+    some: _SomePixels, polarizer_rad: NDArray[np.floating], count: int, gain: float | None = None
+) -> tuple[Points, float]:
+    """Stokes parameters of about ``count`` pixels, and the noise: variance over brightness."""
+    level = some.values.mean(axis=1)
+    weights = 1 / (np.maximum(level, 0) + DARK * level.mean())
+    weights /= weights.mean()
+    fit = harmonic_fit(polarizer_rad, weights)
+    mean, cosine, sine = np.stack([fit.mean, fit.cosine, fit.sine]) @ some.values
+    stokes = np.stack([cosine, sine], axis=1) / mean[:, None]
+    if gain is None:
+        gain = _FIRST_GAIN
+        freedom = len(weights) - 3
+        if freedom:
+            design = harmonic_design(polarizer_rad)
+            left = some.values - design @ np.stack([mean, cosine, sine])
+            square = (weights[:, None] * left**2).sum(axis=0)
+            relative = square / (mean * StokesNoise(polarizer_rad, weights).residual(stokes))
+            gain = max(float(np.median(relative)) * freedom / float(chi2.median(freedom)), _LEAST_GAIN)
+    step = max(1, len(mean) // count)
+    scale = np.sqrt(gain / mean)
+    return Points(stokes[::step], scale[::step], np.asarray(polarizer_rad, np.float64), weights), gain
+
+
+def _prepared(found: CurveFit, fit: HarmonicFit, cloud: Points, limit_rad: float) -> tuple[Reading, float]:
+    """The look-up, and the standard deviation of the map's offset; infinite where another curve fits as well."""
+    curve = response_curve(found.grating)
+    noise = StokesNoise(cloud.polarizer_rad, cloud.photo_weights)
+    turn = turn_by_unknowns(found, curve, orientation_gradient(curve, noise))
+    nearest = np.argmin(((cloud.stokes[:, None, ::1] - curve.stokes[None, ::4]) ** 2).sum(axis=2), axis=1) * 4
+    common = np.median(turn[nearest], axis=0)
+    offset = float(np.sqrt(common @ found.covariance @ common))
+    if any(rival_turn(found, rival, cloud.stokes) > limit_rad for rival in found.rivals):
+        offset = np.inf
+    own = turn if offset <= limit_rad else turn - common
+    variance = np.einsum("tu,uv,tv->t", own, found.covariance, own)
+    spread = 6 * float(np.median(cloud.scale)) * np.sqrt(float(noise.covariance(curve.stokes).trace(0, 1, 2).max()))
+    return reading(curve, noise, fit, variance, spread), offset
+
+
+def _report(found: CurveFit, offset_rad: float, absolute: bool) -> None:
+    grating, deviation = found.grating, found.deviation
+    degrees = [
+        f"{name} {np.rad2deg(getattr(grating, field)):.2f} +- {np.rad2deg(getattr(deviation, field)):.2f} deg"
+        for name, field in (("phase", "phase_rad"), ("retardation", "retardation_rad"), ("film axis", "film_axis_rad"))
+    ]
+    _log.info(
+        "Curve found: amplitude ratio %.4f +- %.4f, %s; the pixels lie %.2f times their noise from it.",
+        grating.amplitude_ratio,
+        deviation.amplitude_ratio,
+        ", ".join(degrees),
+        found.misfit,
+    )
+    if absolute:
+        _log.info("The map is absolute: its offset is known to %.2f deg.", np.rad2deg(offset_rad))
+    elif np.isfinite(offset_rad):
+        _log.warning(
+            "The map stays relative: its offset is known to %.1f deg only. Without birefringence nothing tells it.",
+            min(np.rad2deg(offset_rad), 90.0),
+        )
+    else:
+        _log.warning("The map stays relative: curves with other offsets fit the photographs as well.")
+    if found.misfit > _POOR:
+        _log.warning(
+            "The pixels lie %.1f times their noise from the best curve: the photographs are not those of one kind of "
+            "grating under one film, or are badly aligned.",
+            found.misfit,
+        )
+
+
+def _parameters(found: CurveFit, offset_rad: float, gain: float) -> dict[str, float]:
+    figures = {
+        "amplitude_ratio": found.grating.amplitude_ratio,
+        "phase_deg": np.rad2deg(found.grating.phase_rad),
+        "retardation_deg": np.rad2deg(found.grating.retardation_rad),
+        "film_axis_deg": np.rad2deg(found.grating.film_axis_rad) % 180,
+        "offset_std_deg": min(np.rad2deg(offset_rad), 90.0),
+        "curve_misfit": found.misfit,
+        "electrons_full_scale": 1 / gain,
+    }
+    return {name: float(value) for name, value in figures.items()}

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from clouds import cloud
+from scipy.spatial import cKDTree
+
+from pipeline.optics.angles import axial_difference
+from pipeline.optics.curve_reading import orientation_gradient
+from pipeline.optics.curve_search import find_curve, rival_turn, turn_by_unknowns
+from pipeline.optics.response_curve import FilmedGrating, StokesNoise, response_curve
+
+RNG = np.random.default_rng(3)
+ANY = RNG.uniform(0, np.pi, 3000)
+FACETS = np.deg2rad(RNG.choice([10, 20, 30, 40, 55, 60, 90], 3000))
+
+
+def grating(r, zeta_deg, film_deg, axis_deg=0.0):
+    return FilmedGrating(r, *np.deg2rad([zeta_deg, film_deg, axis_deg]))
+
+
+def offset_deviation(found, points):
+    curve = response_curve(found.grating)
+    noise = StokesNoise(points.polarizer_rad, points.photo_weights)
+    turn = turn_by_unknowns(found, curve, orientation_gradient(curve, noise)).mean(axis=0)
+    return float(np.sqrt(turn @ found.covariance @ turn))
+
+
+@pytest.mark.parametrize("theta", [ANY, FACETS], ids=["any", "facets"])
+@pytest.mark.parametrize("true", [(1.08, 40, 8), (1.1, 45, 3), (1.08, 20, 30), (1.001, 164, 30), (0.95, 140, -20)])
+def test_the_curve_is_found(true, theta):
+    points = cloud(grating(*true), theta)
+    found = find_curve(points, {"film_axis_rad": 0.0})
+    values = np.array([np.log(found.grating.amplitude_ratio), found.grating.phase_rad, found.grating.retardation_rad])
+    expected = np.array([np.log(true[0]), *np.deg2rad(true[1:])])
+    assert np.all(np.abs(values - expected) < 4.5 * np.sqrt(np.diag(found.covariance)))
+    assert found.misfit == pytest.approx(1, abs=0.08)
+    assert not found.rivals
+    assert offset_deviation(found, points) < np.deg2rad(0.6)
+
+
+def test_a_curve_that_winds_through_all_points_is_not_taken_for_a_good_one():
+    """Near zeta = 0 there is a double circle to which noisy points of a single one lie nearer than to their own."""
+    points = cloud(grating(1.08, 176, 3), ANY)
+    winding = cKDTree(response_curve(FilmedGrating(0.998, np.deg2rad(0.32), np.deg2rad(-5.95))).stokes)
+    own = cKDTree(response_curve(grating(1.08, 176, 3)).stokes)
+    assert np.median(winding.query(points.stokes)[0]) < 0.8 * np.median(own.query(points.stokes)[0])
+    found = find_curve(points, {"film_axis_rad": 0.0})
+    assert np.rad2deg(found.grating.retardation_rad) == pytest.approx(3, abs=0.1)
+
+
+def test_without_a_film_the_offset_is_not_known():
+    points = cloud(grating(1.1, 45, 0), ANY)
+    found = find_curve(points, {"film_axis_rad": 0.0})
+    assert offset_deviation(found, points) > np.deg2rad(5)
+    radius = np.hypot(*response_curve(found.grating).stokes.T)
+    np.testing.assert_allclose(radius, np.hypot(*response_curve(grating(1.1, 45, 0)).stokes.T).mean(), rtol=2e-3)
+
+
+def test_the_film_s_axis_is_found_where_it_is_asked_for():
+    true = grating(1.08, 60, 15, 35)
+    found = find_curve(cloud(true, ANY), {})
+    assert np.rad2deg(axial_difference(found.grating.film_axis_rad, true.film_axis_rad)) == pytest.approx(0, abs=0.5)
+    assert rival_turn(found, true, cloud(true, ANY).stokes) < np.deg2rad(0.5)
+
+
+def test_what_is_given_is_not_searched():
+    known = {"amplitude_ratio": 1.2, "phase_rad": 1.0, "retardation_rad": 0.1, "film_axis_rad": 0.2}
+    found = find_curve(cloud(FilmedGrating(*known.values()), ANY), known)
+    assert found.grating == FilmedGrating(*known.values())
+    assert found.unknowns == ()
+    assert found.deviation == FilmedGrating(0, 0, 0, 0)
+    part = find_curve(cloud(FilmedGrating(*known.values()), ANY), {"phase_rad": 1.0, "film_axis_rad": 0.2})
+    assert part.unknowns == (0, 2)
+    assert part.grating.amplitude_ratio == pytest.approx(1.2, abs=0.02)
+
+
+def test_points_of_no_curve_lie_far_from_the_best_one():
+    points = cloud(grating(1.1, 45, 3), ANY)
+    points.stokes[:] = RNG.uniform(-0.6, 0.6, points.stokes.shape)
+    assert find_curve(points, {"film_axis_rad": 0.0}).misfit > 3

@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from pipeline.data import PolarizerSequence
+from pipeline.errors import InputError, InputErrors
+from pipeline.optics.angles import axial_difference, axial_median
+from pipeline.optics.response_curve import (
+    FilmedGrating,
+    harmonic_design,
+    orientation_bound,
+    response_curve,
+    stokes_parameters,
+)
+from pipeline.stages.fit.cosine import cosine
+from pipeline.stages.fit.jones import jones
+
+EQUAL = np.arange(12) * np.pi / 12
+BUNCHED_DEG = (10, 20, 30, 40, 55, 60, 90)
+
+
+def facets(size=210):
+    """Seven stripes of bunched orientations, and a dark ground around them."""
+    theta = np.full((size, size), np.nan)
+    for i, stripe in enumerate(np.array_split(np.arange(20, size - 20), len(BUNCHED_DEG))):
+        theta[20 : size - 20, stripe] = np.deg2rad(BUNCHED_DEG[i])
+    return theta
+
+
+def photographed(theta, r, zeta_deg, film_deg, axis_deg=0.0, *, polarizer_rad=EQUAL, electrons=10_000, shift_px=0.0):
+    m, s1, s2 = stokes_parameters(theta, r, *np.deg2rad([zeta_deg, film_deg, axis_deg]))
+    rng = np.random.default_rng(5)
+    images = []
+    for _, c, s in harmonic_design(polarizer_rad):
+        scene = np.where(np.isnan(theta), 0.02, m * (1 + s1 * c + s2 * s))
+        moved = ndimage.shift(scene, rng.normal(0, shift_px, 2), order=1, mode="nearest") if shift_px else scene
+        images.append(rng.poisson(electrons * moved) / (4 * electrons))
+    return PolarizerSequence(np.array(images, np.float32), polarizer_rad, np.ones(theta.shape, bool), 0.02)
+
+
+def mean_error_deg(found, theta, *, remove_offset):
+    both = found.mask & np.isfinite(theta)
+    turn = axial_difference(found.orientation_rad[both], theta[both])
+    if remove_offset:
+        turn = axial_difference(turn, axial_median(turn))
+    return float(np.rad2deg(np.abs(turn)).mean())
+
+
+def test_bunched_facets_under_a_film_are_found_with_their_offset():
+    theta = facets()
+    photos = photographed(theta, 1.08, 40, 8, shift_px=0.05)
+    found = jones(photos)
+    assert found.absolute
+    assert mean_error_deg(found, theta, remove_offset=False) < 0.6
+    assert mean_error_deg(cosine(photos, prenormalize=True), theta, remove_offset=True) > 10
+    assert found.parameters["amplitude_ratio"] == pytest.approx(1.08, abs=0.01)
+    assert found.parameters["phase_deg"] == pytest.approx(40, abs=0.5)
+    assert found.parameters["retardation_deg"] == pytest.approx(8, abs=0.2)
+    assert found.parameters["electrons_full_scale"] == pytest.approx(40_000, rel=0.1)
+    assert (found.mask == np.isfinite(theta)).mean() > 0.98
+
+
+def test_without_a_film_the_map_is_relative_and_says_so(caplog):
+    theta = facets()
+    with caplog.at_level(logging.INFO):
+        found = jones(photographed(theta, 1.1, 45, 0))
+    assert not found.absolute
+    assert "stays relative" in caplog.text
+    assert mean_error_deg(found, theta, remove_offset=True) < 0.4
+    inside = ndimage.binary_erosion(np.isfinite(theta), iterations=3)
+    bound = orientation_bound(response_curve(FilmedGrating(1.1, np.deg2rad(45)), 8), EQUAL, 10_000 * 1.105)
+    assert np.median(found.standard_error_rad[inside]) == pytest.approx(bound[0], rel=0.15)
+
+
+def test_the_film_s_axis_can_be_searched():
+    theta = np.broadcast_to(np.linspace(0, np.pi, 300, endpoint=False), (60, 300)).copy()
+    found = jones(photographed(theta, 1.08, 60, 15, 35), film_axis_deg=None, threshold=0.0)
+    assert found.parameters["film_axis_deg"] == pytest.approx(35, abs=0.5)
+    assert found.absolute
+    assert mean_error_deg(found, theta, remove_offset=False) < 0.4
+
+
+def test_a_known_curve_is_not_searched_and_three_photographs_do():
+    theta = facets()
+    photos = photographed(theta, 1.08, 60, 20, polarizer_rad=EQUAL[::4])
+    found = jones(photos, amplitude_ratio=1.08, phase_deg=60, retardation_deg=20)
+    assert found.parameters["phase_deg"] == pytest.approx(60)
+    assert mean_error_deg(found, theta, remove_offset=False) < 0.6
+    assert found.parameters["electrons_full_scale"] == pytest.approx(40_000, rel=0.25)
+
+
+def test_brightness_is_freed_of_the_orientation():
+    theta = np.broadcast_to(np.linspace(0, np.pi, 300, endpoint=False), (60, 300)).copy()
+    photos = photographed(theta, 1.3, 60, 30, electrons=200_000)
+    found = jones(photos, threshold=0.0)
+    plain = cosine(photos, prenormalize=False, threshold=0.0)
+    across = [m.intensity.mean(axis=0).std() / m.intensity.mean() for m in (found, plain)]
+    assert across[0] < 0.05 * across[1]
+
+
+def test_photographs_of_something_else_are_noticed(caplog):
+    rng = np.random.default_rng(0)
+    degree = rng.uniform(0, 0.6, (80, 80))
+    angle = rng.uniform(0, np.pi, (80, 80))
+    images = [rng.poisson(5000 * (1 + degree * np.cos(2 * (psi - angle)))) / 20_000 for psi in EQUAL]
+    photos = PolarizerSequence(np.array(images, np.float32), EQUAL, np.ones((80, 80), bool))
+    with caplog.at_level(logging.WARNING):
+        found = jones(photos)
+    assert "not those of one kind of grating" in caplog.text
+    assert found.parameters["curve_misfit"] > 3
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"amplitude_ratio": 3.0}, "amplitude_ratio is 3"),
+        ({"phase_deg": -10.0}, "phase_deg is -10"),
+        ({"retardation_deg": 120.0}, "retardation_deg is 120"),
+        ({"points": 5}, "points is 5"),
+        ({"absolute_within_deg": 0.0}, "absolute_within_deg is 0"),
+    ],
+)
+def test_impossible_settings_are_refused(settings, message):
+    with pytest.raises((InputError, InputErrors), match=message):
+        jones(photographed(facets(80), 1.1, 45, 3), **settings)
+
+
+def test_nothing_that_diffracts_is_refused():
+    with pytest.raises(InputError, match="no pixel is valid, modulated and brighter than 5"):
+        jones(photographed(facets(80), 1.1, 45, 3), threshold=5.0)
