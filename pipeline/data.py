@@ -34,28 +34,31 @@ class GratingSample:
         Pitch of this map; finer than any camera that photographs it.
     depth_um : float
         Peak-to-valley depth of the sinusoidal profile.
-    amplitude_ratio, phase_rad : float
+    amplitude_ratio, phase_rad : float or ndarray of shape (M, N), float32
         ``R = r exp(i zeta)``, complex ratio of s to p amplitude in the zeroth order.
-    retardation_rad : float
+    retardation_rad : float or ndarray of shape (M, N), float32
         Retardation of one pass through the protective film.
-    film_axis_rad : float
+    film_axis_rad : float or ndarray of shape (M, N), float32
         Direction of the film's optical axis.
     ground_reflectance : float
         Unpolarised reflectance of the ground relative to the zeroth order of the longest period.
     name : str
         What is drawn.
+    veil : float or ndarray of shape (M, N), float32
+        Unpolarised reflectance of what lies over all of it, as print and scratches, relative to the same.
     """
 
     orientation_rad: FloatArray
     period_um: FloatArray
     pixel_mm: float
     depth_um: float
-    amplitude_ratio: float
-    phase_rad: float
-    retardation_rad: float
-    film_axis_rad: float
+    amplitude_ratio: float | FloatArray
+    phase_rad: float | FloatArray
+    retardation_rad: float | FloatArray
+    film_axis_rad: float | FloatArray
     ground_reflectance: float
     name: str
+    veil: float | FloatArray = 0.0
 
     @property
     def diffracts(self) -> BoolArray:

@@ -86,3 +86,47 @@ def offset_without_film(amplitude_ratio: float, phase_rad: float) -> float | Non
     if np.hypot(cosine, sine) <= 1e-12 * (1 + amplitude_ratio**2):
         return None
     return float(np.mod(np.arctan2(sine, cosine) / 2, np.pi))
+
+
+def stokes_parameters(
+    orientation_rad: ArrayLike,
+    *,
+    amplitude_ratio: ArrayLike,
+    phase_rad: ArrayLike,
+    retardation_rad: ArrayLike = 0.0,
+    film_axis_rad: ArrayLike = 0.0,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Stokes parameters ``S0``, ``S1``, ``S2`` of the light before the polariser.
+
+    An ideal polariser at ``psi`` lets ``(S0 + S1 cos 2 psi + S2 sin 2 psi) / 2`` through, which is
+    :func:`polarizer_response`: three maps give the photographs at all angles. The matrices of equation 6 are written
+    out in the film's own axes, in which circularly polarised light stays what it is but for a phase.
+
+    Parameters
+    ----------
+    orientation_rad : array_like
+        Angle of the grating's tangent.
+    amplitude_ratio, phase_rad : array_like
+        ``R = r exp(i zeta)``, s to p amplitude in the zeroth order.
+    retardation_rad, film_axis_rad : array_like
+        Retardation of one pass through the film, and the direction of its axis.
+
+    Returns
+    -------
+    tuple of ndarray
+        Each of the shape that the parameters broadcast to.
+    """
+    axis = np.asarray(film_axis_rad, np.float64)
+    doubled = 2 * (np.asarray(orientation_rad, np.float64) - axis)
+    ratio = amplitude_ratio * np.exp(1j * np.asarray(phase_rad, np.float64))
+    delay = np.exp(1j * np.asarray(retardation_rad, np.float64))
+    half_sum, half_difference = (ratio + 1) / 2, (ratio - 1) / 2
+    turned = half_sum * np.cos(doubled)
+    crossed = half_sum * np.sin(doubled)
+    incident = CIRCULAR[1] * delay
+    along = half_difference - turned - crossed * incident
+    across = delay * ((half_difference + turned) * incident - crossed)
+    along_power, across_power = np.abs(along) ** 2, np.abs(across) ** 2
+    first, second = along_power - across_power, 2 * np.real(along * np.conj(across))
+    c, s = np.cos(2 * axis), np.sin(2 * axis)
+    return along_power + across_power, first * c - second * s, first * s + second * c

@@ -102,11 +102,17 @@ def _sample(value: GratingSample, pixel_mm: float | None) -> list[Figure]:
             "period",
             map_with_bar(value.period_um, pixel_mm, scale),
             f"Truth: grating period, as drawn; grey: no grating. Profile {value.depth_um:g} µm deep; zeroth order "
-            f"reflects s to p as {value.amplitude_ratio:g} exp(i {np.rad2deg(value.phase_rad):.4g}°); film retards by "
-            f"{np.rad2deg(value.retardation_rad):.4g}° a pass along {np.rad2deg(value.film_axis_rad):.4g}°. "
-            f"{size_of(shape)}",
+            f"reflects s to p as {_range(value.amplitude_ratio)} exp(i {_range(np.rad2deg(value.phase_rad))}°); film "
+            f"retards by {_range(np.rad2deg(value.retardation_rad))}° a pass along "
+            f"{_range(np.rad2deg(value.film_axis_rad))}°. {size_of(shape)}",
         ),
     ]
+
+
+def _range(value: float | np.floating | NDArray[np.floating]) -> str:
+    """A number, or the least and the largest of a map."""
+    low, high = float(np.min(value)), float(np.max(value))
+    return f"{low:.4g}" if low == high else f"({low:.4g} to {high:.4g})"
 
 
 def _error(value: OrientationError, pixel_mm: float | None) -> list[Figure]:

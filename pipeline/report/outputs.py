@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -171,7 +172,8 @@ def _period(stem: Path, value: PeriodMap) -> Written:
 
 
 def _sample(stem: Path, value: GratingSample) -> Written:
-    channels = {"orientation_rad": value.orientation_rad, "period_um": value.period_um}
+    every = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+    channels = {name: member for name, member in every.items() if isinstance(member, np.ndarray)}
     yield _exr(stem, channels, pixel_mm=value.pixel_mm)
 
 

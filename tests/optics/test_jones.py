@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.optics.jones import CIRCULAR, grating, offset_without_film, polarizer_response, retarder, rotation
+from pipeline.optics.jones import (
+    CIRCULAR,
+    grating,
+    offset_without_film,
+    polarizer_response,
+    retarder,
+    rotation,
+    stokes_parameters,
+)
 
 ANGLES = st.floats(-7, 7)
 RATIOS = st.floats(0.2, 3)
@@ -121,3 +129,31 @@ def test_the_map_mirrored_in_the_films_axis_is_that_of_the_opposite_handedness(
     one = polarizer_response(PSI, theta, amplitude_ratio=r, phase_rad=zeta, retardation_rad=delta)
     other = polarizer_response(-PSI, -theta, amplitude_ratio=r, phase_rad=-zeta, retardation_rad=-delta)
     np.testing.assert_allclose(other, one, atol=1e-12)
+
+
+@given(ANGLES, ANGLES, RATIOS, ANGLES, ANGLES, ANGLES)
+def test_stokes_parameters_give_the_light_behind_the_polarizer(
+    psi: float, theta: float, r: float, zeta: float, delta: float, film: float
+) -> None:
+    settings = {"amplitude_ratio": r, "phase_rad": zeta, "retardation_rad": delta, "film_axis_rad": film}
+    s0, s1, s2 = stokes_parameters(theta, **settings)
+    expected = polarizer_response(psi, theta, **settings)
+    assert (s0 + s1 * np.cos(2 * psi) + s2 * np.sin(2 * psi)) / 2 == pytest.approx(expected, abs=1e-9)
+
+
+def test_stokes_parameters_of_maps_are_those_of_their_points() -> None:
+    rng = np.random.default_rng(0)
+    names = ("amplitude_ratio", "phase_rad", "retardation_rad", "film_axis_rad")
+    theta, maps = rng.uniform(0, 3, (4, 5)), {name: rng.uniform(0.2, 2, (4, 5)) for name in names}
+    whole = np.array(stokes_parameters(theta, **maps))
+    assert whole.shape == (3, 4, 5)
+    for place in np.ndindex(4, 5):
+        one = stokes_parameters(theta[place], **{name: values[place] for name, values in maps.items()})
+        np.testing.assert_allclose(whole[(slice(None), *place)], one, rtol=1e-12)
+
+
+def test_light_is_never_more_than_wholly_polarised() -> None:
+    theta = np.linspace(0, np.pi, 50)
+    s0, s1, s2 = stokes_parameters(theta, amplitude_ratio=1.3, phase_rad=1.2, retardation_rad=0.4, film_axis_rad=0.3)
+    assert (np.hypot(s1, s2) <= s0).all()
+    assert np.hypot(s1, s2).max() > 0.5 * s0.min()
