@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,6 +49,35 @@ def test_a_perfect_camera_sees_the_forward_model() -> None:
         assert image[20, 5] == pytest.approx(long, rel=1e-5)
         assert image[20, 25] == pytest.approx(short, rel=1e-5)
         assert image[2, 5] == pytest.approx(0.4 * 0.03, rel=1e-5)
+
+
+def test_maps_of_the_optics_and_a_veil_are_seen_point_by_point() -> None:
+    sample = halves()
+    right = np.arange(90)[None, :] >= 45
+    phase, axis = (
+        np.where(right, *two).astype(np.float32) * np.ones((90, 1), np.float32) for two in ((0.8, 1.9), (0.0, 0.6))
+    )
+    veil = np.where(right, 0.25, 0.0).astype(np.float32) * np.ones((90, 1), np.float32)
+    sample = replace(sample, phase_rad=phase, film_axis_rad=axis, veil=veil)
+    photos = polarizer_sequence(sample, rig=bench(electrons=10_000.0, full_well_electrons=25_000.0), count=5)
+    for image, psi in zip(photos.images, photos.polarizer_rad, strict=True):
+        both = {"amplitude_ratio": 1.1, "retardation_rad": 0.05}
+        left = polarizer_response(psi, np.deg2rad(20), phase_rad=1.9, film_axis_rad=0.6, **both)
+        shorter = polarizer_response(psi, np.deg2rad(110), phase_rad=0.8, film_axis_rad=0.0, **both) / 4
+        assert image[20, 5] == pytest.approx(0.4 * left, rel=1e-5)
+        assert image[20, 25] == pytest.approx(0.4 * (shorter + 0.25), rel=1e-5)
+        assert image[2, 25] == pytest.approx(0.4 * (0.03 + 0.25), rel=1e-5)
+
+
+def test_steps_may_go_past_half_a_turn() -> None:
+    photos = polarizer_sequence(halves(), rig=bench(), count=17, step_deg=13.0)
+    np.testing.assert_allclose(np.rad2deg(photos.polarizer_rad), 13.0 * np.arange(17), atol=1e-3)
+
+
+@pytest.mark.parametrize("step_deg", [0.0, 90.0, 180.0])
+def test_steps_that_come_back_to_the_same_angles_are_refused(step_deg: float) -> None:
+    with pytest.raises(InputError, match=r"12 photographs at [12] distinct angles[\s\S]*step_deg"):
+        polarizer_sequence(halves(), rig=bench(), count=12, step_deg=step_deg)
 
 
 def test_the_capture_says_what_it_took() -> None:

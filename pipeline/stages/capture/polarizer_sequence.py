@@ -25,7 +25,12 @@ log = logging.getLogger(__name__)
 
 
 def polarizer_sequence(
-    sample: GratingSample | None = None, *, rig: PolarizationRig, count: int = 12, span_deg: float = 180.0
+    sample: GratingSample | None = None,
+    *,
+    rig: PolarizationRig,
+    count: int = 12,
+    span_deg: float = 180.0,
+    step_deg: float | None = None,
 ) -> PolarizerSequence:
     """Photograph a sample at equal steps of the polariser.
 
@@ -39,6 +44,9 @@ def polarizer_sequence(
         Photographs; a mount with fixed stops, such as a replay, takes each of its stops instead.
     span_deg : float
         Angle that the steps divide, its end excluded; 180 degrees bring the polariser back to where it was.
+    step_deg : float, optional
+        The step itself, whatever ``count`` and ``span_deg`` say of it: 13 photographs at 15 degrees begin and end at
+        the same angle.
 
     Returns
     -------
@@ -56,7 +64,7 @@ def polarizer_sequence(
     -----
     Toisoul, Dhillon and Ghosh 2018, section 5.1 and 5.3: 12 or 13 photographs over 180 degrees, at least four.
     """
-    angles = _stops(rig, count, span_deg)
+    angles = _stops(rig, count, span_deg, step_deg)
     images, reached, exposures, saturated, metadata = [], [], [], [], {}
     rig.place(sample)
     with rig:
@@ -114,31 +122,35 @@ def _take(rig: PolarizationRig, angle_rad: float) -> PolarizerPhoto:
     return PolarizerPhoto(rig.camera.expose(), reached)
 
 
-def _check_polarizer_sequence(*, rig: PolarizationRig, count: int, span_deg: float) -> None:
+def _check_polarizer_sequence(
+    *, rig: PolarizationRig, count: int, span_deg: float, step_deg: float | None = None
+) -> None:
     """Refuse what could not be fitted, before anything runs."""
     if rig.mount.stops_rad is None:
         refuse(at_least(LEAST_ANGLES, "as many as there are unknowns", count=count))
-    _stops(rig, count, span_deg)
+    _stops(rig, count, span_deg, step_deg)
 
 
-def _stops(rig: PolarizationRig, count: int, span_deg: float) -> NDArray[np.float64]:
+def _stops(rig: PolarizationRig, count: int, span_deg: float, step_deg: float | None) -> NDArray[np.float64]:
     """Angles to go to."""
     if count > MOST_PHOTOGRAPHS:
         raise InputError(f"count is {count}", where="count", expected=f"at most {MOST_PHOTOGRAPHS} photographs")
     fixed = rig.mount.stops_rad
-    stops = np.deg2rad(span_deg) * np.arange(count) / max(count, 1) if fixed is None else np.asarray(fixed, np.float64)
+    spread = "span_deg" if step_deg is None else "step_deg"
+    step_rad = np.deg2rad(span_deg) / max(count, 1) if step_deg is None else np.deg2rad(step_deg)
+    stops = step_rad * np.arange(count) if fixed is None else np.asarray(fixed, np.float64)
     distinct = len(np.unique(np.round(np.exp(2j * stops), 9)))
     if distinct < LEAST_ANGLES:
         raise InputError(
             f"{len(stops)} photographs at {distinct} distinct angles of the polariser",
-            where="count, span_deg" if fixed is None else "",
+            where=f"count, {spread}" if fixed is None else "",
             expected=f"at least {LEAST_ANGLES} angles that differ modulo 180 degrees",
         )
     design = np.stack([np.ones(len(stops)), np.cos(2 * stops), np.sin(2 * stops)], axis=1)
     if np.linalg.cond(design) > _WORST_CONDITION:
         raise InputError(
             f"the angles of the polariser lie within {np.rad2deg(np.ptp(stops)):.2g} degrees",
-            where="span_deg" if fixed is None else "",
+            where=spread if fixed is None else "",
             expected="angles spread over a good part of 180 degrees",
         )
     return stops
