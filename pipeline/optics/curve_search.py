@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 
 from pipeline.optics.angles import axial_difference
-from pipeline.optics.response_curve import FilmedGrating, ResponseCurve, StokesNoise, response_curve, stokes_parameters
+from pipeline.optics.response_curve import FilmedGrating, ResponseCurve, StokesNoise, relative_stokes, response_curve
 
 Float64Array = NDArray[np.float64]
 
@@ -247,7 +247,8 @@ def _starts(points: Points, given: Float64Array, unknowns: tuple[int, ...]) -> l
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
     few = points.take(_COARSE_POINTS)
     theta = np.arange(_COARSE_STEPS) * np.pi / _COARSE_STEPS
-    _, s1, s2 = stokes_parameters(theta, np.exp(grid[:, :1]), grid[:, 1:2], grid[:, 2:3], grid[:, 3:])
+    gratings = np.concatenate([np.exp(grid[:, :1]), grid[:, 1:]], axis=1)
+    _, s1, s2 = relative_stokes(theta, gratings[:, None, :])
     spread = np.sqrt(few.stokes.var(axis=0).sum())
     softness = max(3 * float(np.median(few.scale)), 0.05 * float(spread))
     costs = _coarse_costs(s1, s2, few.stokes, 1 / softness**2)

@@ -9,10 +9,13 @@ Without a film it is a circle around the origin; a film moves it, bends it, and 
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from pipeline.optics.jones import stokes_parameters
 
 Float64Array = NDArray[np.float64]
 
@@ -65,37 +68,21 @@ class ResponseCurve:
     brightness: Float64Array
 
 
-def stokes_parameters(
-    orientation_rad: ArrayLike,
-    amplitude_ratio: ArrayLike,
-    phase_rad: ArrayLike,
-    retardation_rad: ArrayLike = 0.0,
-    film_axis_rad: ArrayLike = 0.0,
+def relative_stokes(
+    orientation_rad: ArrayLike, grating: FilmedGrating | Float64Array
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Brightness ``m`` and relative Stokes parameters ``s1``, ``s2`` of what the sample reflects.
+    """Brightness ``m`` and relative Stokes parameters ``s1``, ``s2``: ``I(psi) = m (1 + s1 cos 2 psi + s2 sin 2 psi)``.
 
-    Arguments are broadcast against each other; angles as in :func:`pipeline.optics.jones.polarizer_response`, whose
-    intensities these are in another form: ``I(psi) = m (1 + s1 cos 2 psi + s2 sin 2 psi)``. Circularly polarised light
-    looks the same from the film's axes, so the film's frame is used and the result turned back.
-
-    References
-    ----------
-    Toisoul, Dhillon and Ghosh 2018, "Acquiring spatially varying appearance of printed holographic surfaces",
-    section 5.2, equations 4 to 7.
+    ``grating`` may be many, an array whose last axis holds ratio, phase, retardation and axis; its other axes are
+    broadcast against the orientations.
     """
-    axis = np.asarray(film_axis_rad, np.float64)
-    theta = np.asarray(orientation_rad, np.float64) - axis
-    c, s = np.cos(theta), np.sin(theta)
-    ratio = np.asarray(amplitude_ratio) * np.exp(1j * np.asarray(phase_rad))
-    film = np.exp(1j * np.asarray(retardation_rad))
-    across = -c * s * (1 + ratio)
-    along_x = (ratio * s * s - c * c) - 1j * film * across
-    along_y = film * (across - 1j * film * (ratio * c * c - s * s))
-    power_x, power_y = np.abs(along_x) ** 2, np.abs(along_y) ** 2
-    total = power_x + power_y
-    s1, s2 = (power_x - power_y) / total, 2 * np.real(along_x * np.conj(along_y)) / total
-    turn_c, turn_s = np.cos(2 * axis), np.sin(2 * axis)
-    return total / 2, s1 * turn_c - s2 * turn_s, s1 * turn_s + s2 * turn_c
+    ratio, phase, film, axis = (
+        np.moveaxis(grating, -1, 0) if isinstance(grating, np.ndarray) else dataclasses.astuple(grating)
+    )
+    whole, first, second = stokes_parameters(
+        orientation_rad, amplitude_ratio=ratio, phase_rad=phase, retardation_rad=film, film_axis_rad=axis
+    )
+    return whole / 2, first / whole, second / whole
 
 
 def response_curve(grating: FilmedGrating, count: int = 1024) -> ResponseCurve:
@@ -104,9 +91,7 @@ def response_curve(grating: FilmedGrating, count: int = 1024) -> ResponseCurve:
     orientation = np.arange(count, dtype=np.float64) * step
 
     def at(theta: Float64Array) -> tuple[Float64Array, Float64Array]:
-        m, s1, s2 = stokes_parameters(
-            theta, grating.amplitude_ratio, grating.phase_rad, grating.retardation_rad, grating.film_axis_rad
-        )
+        m, s1, s2 = relative_stokes(theta, grating)
         return m, np.stack([s1, s2], axis=-1)
 
     brightness, stokes = at(orientation)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.optics.curve_search import Points
-from pipeline.optics.response_curve import FilmedGrating, harmonic_design, stokes_parameters
+from pipeline.optics.response_curve import FilmedGrating, harmonic_design, relative_stokes
 
 EQUAL = np.arange(12) * np.pi / 12
 
@@ -20,9 +20,7 @@ def photographs(
     seed: int = 0,
 ) -> NDArray[np.float64]:
     """Electrons of every pixel in every photograph, shape (K, *theta.shape)."""
-    m, s1, s2 = stokes_parameters(
-        theta, grating.amplitude_ratio, grating.phase_rad, grating.retardation_rad, grating.film_axis_rad
-    )
+    m, s1, s2 = relative_stokes(theta, grating)
     c, s = harmonic_design(polarizer_rad)[:, 1:].T.reshape(2, -1, *[1] * theta.ndim)
     return np.random.default_rng(seed).poisson(electrons * m * (1 + s1 * c + s2 * s)).astype(np.float64)
 

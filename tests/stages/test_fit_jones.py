@@ -13,8 +13,8 @@ from pipeline.optics.response_curve import (
     FilmedGrating,
     harmonic_design,
     orientation_bound,
+    relative_stokes,
     response_curve,
-    stokes_parameters,
 )
 from pipeline.stages.fit.cosine import cosine
 from pipeline.stages.fit.jones import jones
@@ -32,7 +32,7 @@ def facets(size=210):
 
 
 def photographed(theta, r, zeta_deg, film_deg, axis_deg=0.0, *, polarizer_rad=EQUAL, electrons=10_000, shift_px=0.0):
-    m, s1, s2 = stokes_parameters(theta, r, *np.deg2rad([zeta_deg, film_deg, axis_deg]))
+    m, s1, s2 = relative_stokes(theta, FilmedGrating(r, *np.deg2rad([zeta_deg, film_deg, axis_deg])))
     rng = np.random.default_rng(5)
     images = []
     for _, c, s in harmonic_design(polarizer_rad):
