@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from pipeline.data import OrientationMap, PolarizerSequence
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, at_least, refuse, within
 from pipeline.optics.curve_reading import Reading, orientation_gradient, read_rows, reading
-from pipeline.optics.curve_search import CurveFit, Points, find_curve, rival_turn, turn_by_unknowns
+from pipeline.optics.curve_search import CurveFit, Points, rival_turn, turn_by_unknowns
 from pipeline.optics.harmonic import HarmonicFit, harmonic_fit
-from pipeline.optics.response_curve import DARK, StokesNoise, harmonic_design, response_curve
+from pipeline.optics.response_curve import StokesNoise, response_curve
 from pipeline.parallel import over_rows
-from pipeline.stages.fit._photographs import checked_fit, ground_threshold, nothing_left
+from pipeline.stages.fit._cloud import Cloud, curve_of
+from pipeline.stages.fit._photographs import checked_fit
 
 _log = logging.getLogger(__name__)
 
 Float64Array = NDArray[np.float64]
 
-_SAMPLES = 40_000
 _TILE = 128
-_LEAST_GAIN = 1e-9
-_FIRST_GAIN = 1e-4
-_POOR = 3.0
+POOR_MISFIT = 3.0
+"""Distance from the curve, in units of their noise, beyond which the pixels are not its."""
 
 # Processors round differently in the last bits, and the search ends where a step no longer helps.
 _tolerance_jones = {
@@ -115,16 +112,14 @@ def jones(
         }.items()
     }
     checked_fit(photos)
-    some = _some_pixels(photos, threshold)
-    cloud, gain = _cloud(some, photos.polarizer_rad, points)
-    found = find_curve(cloud, {name: value for name, value in given.items() if value is not None})
-    if len(photos.images) == 3:  # the three numbers leave nothing over: the distances tell the noise
-        gain *= max(found.misfit, 1e-3) ** 2
-        cloud, _ = _cloud(some, photos.polarizer_rad, points, gain)
-        found = find_curve(cloud, {name: value for name, value in given.items() if value is not None})
-    fit = harmonic_fit(photos.polarizer_rad, cloud.photo_weights)
-    lookup, offset_rad = _prepared(found, fit, cloud, np.deg2rad(absolute_within_deg))
-    absolute = offset_rad <= np.deg2rad(absolute_within_deg)
+    cloud, found = curve_of(photos, {n: v for n, v in given.items() if v is not None}, threshold, points)
+    return _read_off(photos, cloud, found, np.deg2rad(absolute_within_deg))
+
+
+def _read_off(photos: PolarizerSequence, cloud: Cloud, found: CurveFit, limit_rad: float) -> OrientationMap:
+    fit = harmonic_fit(photos.polarizer_rad, cloud.points.photo_weights)
+    lookup, offset_rad = _prepared(found, fit, cloud.points, limit_rad)
+    absolute = offset_rad <= limit_rad
     _report(found, offset_rad, absolute)
     orientation, correlation, brightness, error = (np.empty(photos.valid.shape, np.float32) for _ in range(4))
     mask = np.empty(photos.valid.shape, np.bool_)
@@ -133,8 +128,8 @@ def jones(
         photos.valid,
         fit,
         lookup,
-        gain=gain,
-        least=some.least,
+        gain=cloud.gain,
+        least=cloud.least,
         out=(orientation, correlation, brightness, error),
         mask=mask,
     )
@@ -147,7 +142,7 @@ def jones(
         photos.pixel_mm,
         absolute,
         standard_error_rad=error,
-        parameters=_parameters(found, offset_rad, gain),
+        parameters=_parameters(found, offset_rad, cloud.gain),
     )
 
 
@@ -173,50 +168,6 @@ def _check_jones(
         at_least(100, "fewer do not show a curve", points=points),
         above_zero(absolute_within_deg=absolute_within_deg),
     )
-
-
-@dataclass(frozen=True)
-class _SomePixels:
-    """Diffracting pixels of an even grid: their photographs (K, P), and the least brightness of such a pixel."""
-
-    values: Float64Array
-    least: float
-
-
-def _some_pixels(photos: PolarizerSequence, threshold: float | None) -> _SomePixels:
-    step = max(1, int(np.sqrt(photos.valid.size / _SAMPLES)))
-    valid = photos.valid[::step, ::step]
-    values = photos.images[:, ::step, ::step].astype(np.float64)
-    level = np.tensordot(harmonic_fit(photos.polarizer_rad).mean, values, 1)
-    least = ground_threshold(level, valid) if threshold is None else threshold
-    kept = valid & (level >= least) & (level > 0)
-    if np.count_nonzero(kept) < 10:
-        raise nothing_left(least)
-    return _SomePixels(values[:, kept], float(least))
-
-
-def _cloud(
-    some: _SomePixels, polarizer_rad: NDArray[np.floating], count: int, gain: float | None = None
-) -> tuple[Points, float]:
-    """Stokes parameters of about ``count`` pixels, and the noise: variance over brightness."""
-    level = some.values.mean(axis=1)
-    weights = 1 / (np.maximum(level, 0) + DARK * level.mean())
-    weights /= weights.mean()
-    fit = harmonic_fit(polarizer_rad, weights)
-    mean, cosine, sine = np.stack([fit.mean, fit.cosine, fit.sine]) @ some.values
-    stokes = np.stack([cosine, sine], axis=1) / mean[:, None]
-    if gain is None:
-        gain = _FIRST_GAIN
-        freedom = len(weights) - 3
-        if freedom:
-            design = harmonic_design(polarizer_rad)
-            left = some.values - design @ np.stack([mean, cosine, sine])
-            square = (weights[:, None] * left**2).sum(axis=0)
-            relative = square / (mean * StokesNoise(polarizer_rad, weights).residual(stokes))
-            gain = max(float(np.median(relative)) * freedom / float(chi2.median(freedom)), _LEAST_GAIN)
-    step = max(1, len(mean) // count)
-    scale = np.sqrt(gain / mean)
-    return Points(stokes[::step], scale[::step], np.asarray(polarizer_rad, np.float64), weights), gain
 
 
 def _prepared(found: CurveFit, fit: HarmonicFit, cloud: Points, limit_rad: float) -> tuple[Reading, float]:
@@ -257,7 +208,7 @@ def _report(found: CurveFit, offset_rad: float, absolute: bool) -> None:
         )
     else:
         _log.warning("The map stays relative: curves with other offsets fit the photographs as well.")
-    if found.misfit > _POOR:
+    if found.misfit > POOR_MISFIT:
         _log.warning(
             "The pixels lie %.1f times their noise from the best curve: the photographs are not those of one kind of "
             "grating under one film, or are badly aligned.",
