@@ -32,10 +32,13 @@ _PHASES_DEG = np.arange(5.0, 180.0, 10.0)
 _RETARDATIONS_DEG = (0.0, 2.0, 5.0, 8.0, 12.0, 16.0, 20.0, 25.0, 30.0, 37.0, 45.0, 60.0, 75.0)
 _AXES_DEG = np.arange(0.0, 180.0, 15.0)
 _COARSE_POINTS, _COARSE_STEPS = 250, 120
-_STARTS, _MIDDLE_POINTS, _FINAL = 14, 500, 3
+_STARTS, _MIDDLE_POINTS, _FINAL = 24, 400, 4
 _STEPS = 720
 _ROBUST = 2.0
-_WEIGHED_POINTS, _WEIGHED_STEPS, _ROUNDS = 2500, 360, 12
+_BLUNT = np.array([0.08, np.deg2rad(15), np.deg2rad(6), np.deg2rad(20)])
+_SHARP = _BLUNT / 2
+"""Starts are farther apart than this, in some unknown."""
+_WEIGHED_CELLS, _WEIGHED_STEPS, _ROUNDS = 3_000_000, (360, 4000), 12
 _APART = np.array([0.03, 0.03, 0.02, 0.05])
 """Minima nearer to each other than this, in all unknowns, are one."""
 _STRAY = 0.02
@@ -182,17 +185,25 @@ class _Problem:
         scale = max(1.0, min(_robust_rms(self.distances(x)[0]) for x in kept))
         return sorted(((self.unlikelihood(x, scale), x) for x in kept), key=lambda pair: pair[0])
 
+    def weighed_steps(self, x: Float64Array) -> int:
+        """Orientations to tell apart: steps wider than the noise would favour curves whose samples hit the facets."""
+        curve = self.curve(x)
+        noise = self.noise.covariance(curve.stokes)
+        towards = np.linalg.solve(noise, curve.slope[:, :, None])[:, :, 0]
+        width = np.median(1 / np.sqrt((towards * curve.slope).sum(axis=1))) * np.median(self.points.scale)
+        return int(np.clip(np.pi / (0.7 * width), *_WEIGHED_STEPS))
+
     def unlikelihood(self, x: Float64Array, scale: float) -> float:
         """Negative logarithm of the points' likelihood, the shares of all orientations being those that fit best."""
-        points = self.points.take(_WEIGHED_POINTS)
-        curve = response_curve(self.grating(x), _WEIGHED_STEPS)
-        noise = self.noise.covariance(curve.stokes)
-        stride = curve.slope * (np.pi / _WEIGHED_STEPS)
+        steps = self.weighed_steps(x)
+        points = self.points.take(_WEIGHED_CELLS // steps)
+        curve = response_curve(self.grating(x), steps)
+        stride = curve.slope * (np.pi / steps)
         between = stride[:, :, None] * stride[:, None, :] / 12  # orientations between two samples
         typical = float(np.median(points.scale))
-        covariance = (scale * typical) ** 2 * noise + between
-        determinant = np.linalg.det(covariance)
-        density = _densities(points.stokes, curve.stokes, np.linalg.inv(covariance), 1 / np.sqrt(determinant))
+        covariance = (scale * typical) ** 2 * self.noise.covariance(curve.stokes) + between
+        height = 1 / np.sqrt(np.linalg.det(covariance))
+        density = _densities(points.stokes, curve.stokes, np.linalg.inv(covariance), height)
         return float(_unlikelihood(density, _STRAY, _ROUNDS)) * len(self.points.stokes) / len(points.stokes)
 
 
@@ -249,16 +260,18 @@ def _starts(points: Points, given: Float64Array, unknowns: tuple[int, ...]) -> l
     theta = np.arange(_COARSE_STEPS) * np.pi / _COARSE_STEPS
     gratings = np.concatenate([np.exp(grid[:, :1]), grid[:, 1:]], axis=1)
     _, s1, s2 = relative_stokes(theta, gratings[:, None, :])
-    spread = np.sqrt(few.stokes.var(axis=0).sum())
-    softness = max(3 * float(np.median(few.scale)), 0.05 * float(spread))
-    costs = _coarse_costs(s1, s2, few.stokes, 1 / softness**2)
+    spread = float(np.sqrt(few.stokes.var(axis=0).sum()))
+    noise = float(np.median(few.scale))
     chosen: list[Float64Array] = []
-    apart = np.array([0.08, np.deg2rad(15), np.deg2rad(6), np.deg2rad(20)])
-    for place in grid[np.argsort(costs)]:
-        if all((np.abs(place - other) > apart).any() for other in chosen):
-            chosen.append(place)
-        if len(chosen) == _STARTS:
-            break
+    # A blunt cost leads to wide valleys, a sharp one to narrow ones, as of curves with cusps.
+    for softness, apart in ((max(3 * noise, 0.05 * spread), _BLUNT), (max(noise, 0.01 * spread), _SHARP)):
+        costs = _coarse_costs(s1, s2, few.stokes, 1 / softness**2)
+        goal = len(chosen) + _STARTS // 2
+        for place in grid[np.argsort(costs)]:
+            if all((np.abs(place - other) > apart).any() for other in chosen):
+                chosen.append(place)
+            if len(chosen) == goal:
+                break
     return [place[list(unknowns)] for place in chosen]
 
 
@@ -322,10 +335,10 @@ def turn_by_unknowns(fit: CurveFit, curve: ResponseCurve, metric: Float64Array) 
     return np.stack(columns, axis=1) if columns else np.zeros((len(curve.stokes), 0))
 
 
-def rival_turn(fit: CurveFit, rival: FilmedGrating, stokes: Float64Array) -> float:
-    """Median turn between the orientations that two curves give to the same points, in radians."""
+def rival_turn(fit: CurveFit, rival: FilmedGrating, stokes: Float64Array) -> Float64Array:
+    """Signed turn from the orientation that the curve gives to each of some points to that of a rival, in radians."""
     angles = []
-    for grating in (fit.grating, rival):
+    for grating in (rival, fit.grating):
         curve = response_curve(grating, _STEPS)
         angles.append(curve.orientation_rad[cKDTree(curve.stokes).query(stokes)[1]])
-    return float(np.median(np.abs(axial_difference(*angles))))
+    return axial_difference(*angles)

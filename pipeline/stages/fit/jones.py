@@ -178,10 +178,14 @@ def _prepared(found: CurveFit, fit: HarmonicFit, cloud: Points, limit_rad: float
     nearest = np.argmin(((cloud.stokes[:, None, ::1] - curve.stokes[None, ::4]) ** 2).sum(axis=2), axis=1) * 4
     common = np.median(turn[nearest], axis=0)
     offset = float(np.sqrt(common @ found.covariance @ common))
-    if any(rival_turn(found, rival, cloud.stokes) > limit_rad for rival in found.rivals):
+    if any(np.median(np.abs(rival_turn(found, rival, cloud.stokes))) > limit_rad for rival in found.rivals):
         offset = np.inf
     own = turn if offset <= limit_rad else turn - common
     variance = np.einsum("tu,uv,tv->t", own, found.covariance, own)
+    for rival in found.rivals:
+        turned = rival_turn(found, rival, curve.stokes)
+        usual = 0.0 if offset <= limit_rad else np.median(turned[nearest])
+        variance = np.maximum(variance, (turned - usual) ** 2)
     spread = 6 * float(np.median(cloud.scale)) * np.sqrt(float(noise.covariance(curve.stokes).trace(0, 1, 2).max()))
     return reading(curve, noise, fit, variance, spread), offset
 
