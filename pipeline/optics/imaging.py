@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.optics.photons import photon_counts
+
 Image = NDArray[np.float32]
 
 FINEST_PITCH_MM = 0.00038
@@ -75,7 +77,7 @@ def sensor_signal(
     """
     electrons: NDArray[np.floating] = np.maximum(exposure, 0) * full_well_electrons
     if shot_noise:
-        electrons = rng.poisson(electrons).astype(np.float32)
+        electrons = photon_counts(electrons, rng).astype(np.float32)
     if read_noise_electrons > 0:
         electrons = electrons + rng.normal(0.0, read_noise_electrons, exposure.shape)
     signal = np.clip(electrons / full_well_electrons, 0.0, 1.0)

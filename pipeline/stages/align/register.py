@@ -23,6 +23,9 @@ _log = logging.getLogger(__name__)
 
 Float32Array = NDArray[np.float32]
 
+# A step of 14 bits in a simulated photograph, and what interpolation adds to it.
+_tolerance_register = {"images": 1e-4}
+
 
 def register(
     photos: PolarizerSequence,

@@ -22,8 +22,8 @@ Float32Array = NDArray[np.float32]
 _NARROWEST_DEG = 1.0
 _NOISE_WIDTHS = 4.0
 
-# Weights are sums in float32, which processors round differently, on top of the fit's rounding: 1.2e-6 was seen.
-_tolerance_bilateral = {"orientation_rad": 1e-5, "correlation": 1e-5, "intensity": 1e-5}
+# What a step of 14 bits in a simulated photograph comes to: 1.2e-5 was seen; last bits of float32 do less than 2e-6.
+_tolerance_bilateral = {"orientation_rad": 1e-4, "correlation": 1e-4, "intensity": 1e-4}
 
 
 def bilateral(

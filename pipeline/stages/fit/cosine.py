@@ -17,8 +17,8 @@ _log = logging.getLogger(__name__)
 _UNKNOWNS = 3
 _TILE = 128
 
-# Processors round sines and cosines differently in the last bits of float32: up to 1e-6 was seen.
-_tolerance_cosine = {"orientation_rad": 1e-5, "correlation": 1e-5, "intensity": 1e-5}
+# What a step of 14 bits in a simulated photograph does, up to 4e-5 was seen; last bits of sines do less than 1e-6.
+_tolerance_cosine = {"orientation_rad": 1e-4, "correlation": 1e-4, "intensity": 1e-4}
 
 
 def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: float | None = None) -> OrientationMap:

@@ -25,8 +25,8 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _PEAKS_APART_DEG = 10.0
 _LEAST_SAMPLES = 10
 
-# The map comes with the rounding of the stages before, and the offset with that of the maps: 1.2e-6 was seen.
-_tolerance_offset = {"orientation_rad": 1e-5, "correlation": 1e-5, "intensity": 1e-5}
+# What a step of 14 bits in a simulated photograph comes to: 1.2e-5 was seen; last bits of float32 do less than 2e-6.
+_tolerance_offset = {"orientation_rad": 1e-4, "correlation": 1e-4, "intensity": 1e-4}
 
 
 def offset(
