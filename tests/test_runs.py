@@ -55,7 +55,7 @@ def test_prose_reruns_nothing_and_why_says_so(toys: Toys) -> None:
     toys.helper.write_text(toys.helper.read_text().replace("Scale.", "Multiply.").replace("# how", "# the way"))
     toys.stages.write_text(toys.stages.read_text().replace("Second paragraph.", "Another paragraph."))
     reasons = toys.reasons()
-    assert "comments or docstrings changed in toybench/arithmetic.py" in reasons["big"]
+    assert "comments, docstrings or tolerances changed in toybench/arithmetic.py" in reasons["big"]
     assert toys.ran() == []
 
 

@@ -24,7 +24,7 @@ from pipeline.storage.sealed import sealed, unsealed
 
 ROOT = "pipeline"
 DATA_SUFFIXES = (".csv", ".dat", ".eds", ".h5", ".json", ".npy", ".npz", ".toml", ".txt", ".xml", ".yaml", ".zip")
-_CACHE_FORMAT = 6
+_CACHE_FORMAT = 7
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -41,10 +42,17 @@ class Signature:
     constants: dict[str, Any] = field(default_factory=dict)
     fault: str = ""
     decorated: bool = False
+    tolerance: Any = None
+
+
+TOLERANCE = "_tolerance_"
+"""What precedes a stage's name in that of the dict that says by how much its fields may differ on another machine."""
 
 
 def parse(module: str, text: bytes, *, is_package: bool) -> dict[str, Any]:
     """Code digest, imports, origins of names, and public signatures of a module, as plain values.
+
+    Tolerances that only :mod:`pipeline.review.verification` looks at change no value, and are no part of the code.
 
     Raises
     ------
@@ -55,6 +63,7 @@ def parse(module: str, text: bytes, *, is_package: bool) -> dict[str, Any]:
     imports, names = _imports(tree, module, is_package=is_package)
     signatures = [asdict(c) for c in _public_signatures(tree)]
     _strip_docstrings(tree)
+    _strip_tolerances(tree)
     sha = hashlib.sha256()
     for piece in _canonical(tree):
         sha.update(piece.encode("utf-8", "surrogatepass"))
@@ -95,6 +104,45 @@ def _strip_docstrings(tree: ast.AST) -> None:
             node.body = [s for s in node.body if not _is_prose(s)] or [ast.Pass()]
 
 
+def _strip_tolerances(tree: ast.Module) -> None:
+    """Leave out tolerances written as literals, unless something else in the module names them."""
+    stated = {name for name, value in _stated_tolerances(tree).items() if _literal(value) is not None}
+    uses = Counter(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+    alone = {name for name in stated if uses[name] == 1}
+    tree.body = [s for s in tree.body if _assigned(s) not in alone]
+
+
+def _stated_tolerances(tree: ast.Module) -> dict[str, ast.expr]:
+    """What is assigned to ``_tolerance_<function>`` at the top of a module that has such a function."""
+    functions = {TOLERANCE + s.name for s in tree.body if isinstance(s, ast.FunctionDef)}
+    return {
+        name: s.value
+        for s in tree.body
+        if isinstance(s, ast.Assign | ast.AnnAssign) and s.value and (name := _assigned(s)) in functions
+    }
+
+
+def _assigned(statement: ast.stmt) -> str:
+    """The one name that a statement assigns to; empty where it is none."""
+    if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
+        target = statement.targets[0]
+    elif isinstance(statement, ast.AnnAssign):
+        target = statement.target
+    else:
+        return ""
+    return target.id if isinstance(target, ast.Name) else ""
+
+
+def _literal(expression: ast.expr) -> Any:
+    """The value of an expression made of literals that JSON can hold; None for any other."""
+    try:
+        value = ast.literal_eval(expression)
+        json.dumps(value)
+    except (ValueError, TypeError):
+        return None
+    return value
+
+
 def _is_prose(statement: ast.stmt) -> bool:
     return (
         isinstance(statement, ast.Expr)
@@ -124,11 +172,21 @@ def _imports(tree: ast.AST, module: str, *, is_package: bool) -> tuple[list[str]
 
 
 def _public_signatures(tree: ast.Module) -> Iterator[Signature]:
+    stated = _stated_tolerances(tree)
     for node in tree.body:
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             parameters, fault = _parameters(node.args)
             returns = ast.unparse(node.returns) if node.returns else ""
-            yield Signature(node.name, ast.get_docstring(node) or "", parameters, returns, fault=fault)
+            written = stated.get(TOLERANCE + node.name)
+            literal = None if written is None else _literal(written)
+            yield Signature(
+                node.name,
+                ast.get_docstring(node) or "",
+                parameters,
+                returns,
+                fault=fault,
+                tolerance=ast.unparse(written) if literal is None and written is not None else literal,
+            )
         elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield _class(node)
 

@@ -253,7 +253,7 @@ def _kept_reason(task: Task, record: Record, store: Store) -> str:
         if name in before and before[name][0] == code and before[name][1] != text
     ]
     if reworded:
-        return f"in the store; comments or docstrings changed in {_listed(reworded)}, the code did not"
+        return f"in the store; comments, docstrings or tolerances changed in {_listed(reworded)}, the code did not"
     if task.node.is_source and any(before.get(n, ("", ""))[0] != pair[0] for n, pair in task.code.modules.items()):
         return "in the store; the code changed since, but a capture is never taken again unless recapture=true"
     return "in the store"

@@ -16,7 +16,7 @@ from pipeline.execution.messages import Messages
 from pipeline.execution.outcome import Listener, Outcome, Silent
 from pipeline.execution.plan import Plan, inputs_of
 from pipeline.execution.provenance import commit, versions
-from pipeline.execution.workbench import call_stage, companion
+from pipeline.execution.workbench import call_stage
 from pipeline.graph.nodes import Node
 from pipeline.review.compare import Difference, checked_tolerance, compare
 from pipeline.review.rerun import kept_configuration, missing_files, record_of_node
@@ -241,7 +241,7 @@ class _Judge:
         return read_value(self.run.store.object_folder(artifact), artifact)
 
     def _tolerance(self, node: Node) -> Mapping[str, float]:
-        return checked_tolerance(companion(node, "_tolerance_"), node.entry.name)
+        return checked_tolerance(node.entry.signature.tolerance, node.entry.name)
 
     def _why_taken(self, node: Node) -> str:
         missing = missing_files(node)

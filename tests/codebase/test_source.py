@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.codebase.source import Sources
-from pipeline.codebase.syntax import REQUIRED
+from pipeline.codebase.syntax import REQUIRED, parse
 
 CODE = '''
 """Module."""
@@ -75,6 +75,40 @@ def test_prose_and_layout_do_not_count(package: Path, before: str, after: str) -
 def test_code_counts(package: Path, before: str, after: str) -> None:
     original = digest_of(package)
     (package / "round.py").write_text(CODE.replace(before, after))
+    assert digest_of(package) != original
+
+
+def test_the_golden_digest_of_code() -> None:
+    parsed = parse("circles.round", CODE.encode(), is_package=False)
+    assert parsed["code_digest"] == "c8b44b6cb6faf0668d667f2deab148f489eacf6c"
+
+
+TOLERANCES = "_tolerance_area = {'radius': 1e-5}\n"
+
+
+def test_a_stages_tolerance_does_not_count_and_is_read(package: Path) -> None:
+    original = digest_of(package)
+    for text in (TOLERANCES, TOLERANCES.replace("1e-5", "1e-3"), TOLERANCES.replace(" =", ": dict[str, float] =")):
+        (package / "round.py").write_text(CODE + text)
+        assert digest_of(package) == original
+    module = Sources().module("circles.round")
+    assert module is not None
+    assert module.signatures["area"].tolerance == {"radius": 1e-5}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TOLERANCES.replace("_area", "_volume"),
+        TOLERANCES.replace("1e-5", "math.pi"),
+        TOLERANCES + "print(_tolerance_area)\n",
+        TOLERANCES + TOLERANCES,
+        "if math.pi:\n    " + TOLERANCES,
+    ],
+)
+def test_a_tolerance_that_could_change_a_value_counts(package: Path, text: str) -> None:
+    original = digest_of(package)
+    (package / "round.py").write_text(CODE + text)
     assert digest_of(package) != original
 
 

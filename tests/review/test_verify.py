@@ -106,10 +106,23 @@ def test_a_stage_may_state_a_tolerance(toys: Toys, tolerance: str, verdict: str)
     assert f"by up to 0.000122 of {float(tolerance):g} allowed" in str(done)
 
 
-def test_an_impossible_tolerance_is_no_verdict(toys: Toys) -> None:
+def test_a_tolerance_that_changes_reruns_nothing_and_counts_at_once(toys: Toys) -> None:
+    edit(toys.stages, "def scale(", "_tolerance_scale = {'period_um': 1e-4}\n\n\ndef scale(")
+    run = toys.run("until=big")
+    edit(toys.stages, "'period_um': 1e-4", "'period_um': 2e-3")
+    assert toys.ran("until=big") == []
+    assert "tolerances changed in toybench/stages/toy/maps.py" in toys.reasons("until=big")["big"]
+    edit(toys.stages, "np.float32(factor)), maps.mask)", "np.float32(factor + 2**-13)), maps.mask)")
+    assert verdicts(verify(run.path)) == {"raw": "identical", "big": "within tolerance"}
+    edit(toys.stages, "'period_um': 2e-3", "'period_um': 1e-5")
+    assert verdicts(verify(run.path)) == {"raw": "identical", "big": "different"}
+
+
+@pytest.mark.parametrize("stated", ["{'period_um': 'any'}", "{'period_um': np.pi}", "1e-5"])
+def test_an_impossible_tolerance_is_no_verdict(toys: Toys, stated: str) -> None:
     run = toys.run()
     edit(toys.stages, "np.float32(factor)), maps.mask)", "np.float32(factor) + 1), maps.mask)")
-    edit(toys.stages, "def scale(", "_tolerance_scale = {'period_um': 'any'}\n\n\ndef scale(")
+    edit(toys.stages, "def scale(", f"_tolerance_scale = {stated}\n\n\ndef scale(")
     with pytest.raises(InputError, match=r"the tolerance of toy\.scale is"):
         verify(run.path)
 
