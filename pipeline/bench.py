@@ -116,9 +116,9 @@ class Experiment:
 
     @property
     def digest(self) -> str:
-        """Digest of the configuration, leaving out where results go and who computes them."""
+        """Digest of the configuration as a run keeps it, leaving out where results go and who computes them."""
         ignored = {*LOCAL_SECTIONS} | (set() if self.configuration.content.get("until") else {"until"})
-        content = {k: v for k, v in self.configuration.content.items() if k not in ignored}
+        content = {k: v for k, v in self.kept(self.configuration.content).items() if k not in ignored}
         return digest({"experiment": self.name, **content})[:RUN_DIGEST_CHARACTERS]
 
     @property

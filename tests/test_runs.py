@@ -50,6 +50,17 @@ def test_a_default_written_out_is_no_change(toys: Toys) -> None:
     assert toys.ran("graph.big.mode=up") == []
 
 
+def test_settings_that_a_swapped_stage_dropped_make_no_other_run(toys: Toys) -> None:
+    swapped = toys.run("graph.big.stage=toy.clip")
+    assert swapped.path != toys.run().path
+    other = toys.experiment.read_text().replace("factor: 3", "factor: 4")
+    toys.experiment.write_text(other)
+    assert toys.run("graph.big.stage=toy.clip").path == swapped.path
+    toys.experiment.write_text(other.replace("    factor: 4\n", ""))
+    assert toys.run("graph.big.stage=toy.clip").path == swapped.path
+    assert toys.run("graph.big.stage=toy.clip", "graph.big.most=3").path != swapped.path
+
+
 def test_prose_reruns_nothing_and_why_says_so(toys: Toys) -> None:
     toys.run()
     toys.helper.write_text(toys.helper.read_text().replace("Scale.", "Multiply.").replace("# how", "# the way"))
