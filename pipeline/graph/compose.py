@@ -11,35 +11,11 @@ from typing import Any
 
 from pipeline.errors import InputError, nearest
 from pipeline.graph.config import Configuration, Override, configs_folder, groups, option_file, options, shown
+from pipeline.graph.sections import OPEN_SECTIONS, SECTIONS, check_groups, check_paths, check_sections
 from pipeline.storage.files import settled, stamp, write_text
 from pipeline.storage.keys import digest
 from pipeline.storage.sealed import sealed, unsealed
 from pipeline.storage.store import Store
-
-OPEN_SECTIONS = ("graph", "rig", "executor")
-"""Sections whose settings are checked against signatures, so that an override may name one that no YAML writes."""
-
-SECTIONS = (
-    "description",
-    "graph",
-    "rig",
-    "executor",
-    "paths",
-    "recapture",
-    "until",
-    "from",
-    "force",
-    "objective",
-)
-"""What may stand at the top of a configuration, besides what others refer to."""
-
-SECTION_KINDS = (
-    ("description", (str, type(None)), "text"),
-    ("graph", dict, "nodes: {stage: ..., ...}"),
-    ("executor", (dict, type(None)), "{kind: threads, ...}"),
-    ("paths", dict, "{runs: DIR, store: DIR}"),
-    ("recapture", bool, "true or false"),
-)
 
 MOST_REMEMBERED = 200
 _FORMAT = 2
@@ -208,8 +184,7 @@ def chosen_experiment(texts: Sequence[str], folders: Sequence[Path] = ()) -> str
 def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[Path]) -> dict[str, Any]:
     from omegaconf import OmegaConf
 
-    check_paths(texts)
-    with readable_errors(" ".join(overrides)):
+    with readable_errors(" ".join(overrides)), _checked_paths(texts, folders):
         composed, graph = _by_hydra(texts, folders)
         choices = dict(composed.hydra.runtime.choices)
         sweeps = str(composed.hydra.mode).endswith("MULTIRUN")
@@ -237,6 +212,24 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
     }
 
 
+@contextmanager
+def _checked_paths(texts: Sequence[str], folders: Sequence[Path]) -> Iterator[None]:
+    """Where Hydra refuses the overrides, look first for one that names what the files do not have."""
+    from hydra import compose
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf
+
+    try:
+        yield
+    except HydraException:
+        chosen = [text for text in texts if text.startswith("+") or text.partition("=")[0] in groups(folders)]
+        with suppress(HydraException), hydra_ready(folders) as search:
+            files = OmegaConf.to_container(compose("config", overrides=[*search, *map(quoted, chosen)]), resolve=False)
+            assert isinstance(files, dict)
+            check_paths(texts, {str(name): section for name, section in files.items()})
+        raise
+
+
 def _by_hydra(texts: Sequence[str], folders: Sequence[Path]) -> tuple[Any, dict[str, Any] | None]:
     """What Hydra composes; the graph apart, where it is one file's and nothing else concerns it, else None."""
     from hydra import compose
@@ -256,64 +249,6 @@ def _by_hydra(texts: Sequence[str], folders: Sequence[Path]) -> tuple[Any, dict[
             if len(graphs) == 1 and not composed.get("graph") and not re.search(r"\$\{[^}]*(graph|:)", text):
                 return composed, graphs[0]
         return compose("config", overrides=words, return_hydra_config=True), None
-
-
-def check_groups(texts: Sequence[str], folders: Sequence[Path]) -> None:
-    """Refuse an option that a config group does not have."""
-    for text in texts:
-        name, _, choice = text.lstrip("+").partition("=")
-        if name in groups(folders) and choice and not choice.startswith("{"):
-            known = options(name, folders)
-            if choice not in known:
-                raise InputError(
-                    f"there is no {name} '{choice}'",
-                    where=f"override {text.lstrip('+')}",
-                    expected=f"a file in {shown(configs_folder() / name)}",
-                    hint=nearest(choice, known),
-                )
-
-
-def check_paths(texts: Sequence[str], known: Sequence[str] = SECTIONS) -> None:
-    """Refuse an override outside the sections, where Hydra would advise to append it."""
-    for text in texts:
-        if text.startswith(("+", "~", "hydra")):
-            continue
-        path = text.split("=", 1)[0]
-        first = path.split(".")[0].split("@")[0]
-        if first not in known and "." in path:
-            raise InputError(
-                f"there is no section '{first}'",
-                where=f"override {text}",
-                expected="graph.NODE.SETTING=VALUE, or a section from: " + ", ".join(SECTIONS),
-                hint=f"did you mean 'graph.{text}'?" if first.isidentifier() else "",
-            )
-
-
-def check_sections(configuration: Configuration) -> None:
-    """Refuse what stands at the top of a configuration and means nothing."""
-    if "experiment" in configuration.content:
-        file = option_file("experiment", configuration.experiment, configuration.folders)
-        raise InputError(
-            f"the experiment '{configuration.experiment}' fills a section 'experiment' instead of the configuration",
-            where=shown(file) if file else "",
-            expected="'# @package _global_' as the first line of the file",
-        )
-    for name, kinds, expected in SECTION_KINDS:
-        value = configuration.content.get(name)
-        if not isinstance(value, kinds):
-            raise InputError(f"'{name}' is {value!r}", where=configuration.where(name), expected=expected)
-    for name in ("runs", "store"):
-        value = configuration.content["paths"].get(name)
-        if not isinstance(value, str) or not value.strip():
-            raise InputError(f"'{name}' is {value!r}", where=configuration.where(f"paths.{name}"), expected="a folder")
-    for name in configuration.content:
-        if name not in SECTIONS and not re.search(rf"\$\{{{re.escape(name)}\b", json.dumps(configuration.raw)):
-            raise InputError(
-                f"there is no section '{name}', and nothing refers to it",
-                where=configuration.where(name),
-                expected="a section from: " + ", ".join(SECTIONS) + ", or a name that ${NAME} is used for",
-                hint=nearest(name, SECTIONS),
-            )
 
 
 def _memory_file(texts: Sequence[str], folders: Sequence[Path]) -> Path | None:

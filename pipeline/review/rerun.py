@@ -19,10 +19,6 @@ from pipeline.bench import Experiment
 from pipeline.errors import InputError
 from pipeline.execution.plan import Plan
 from pipeline.graph.compose import (
-    SECTIONS,
-    check_groups,
-    check_paths,
-    check_sections,
     hydra_ready,
     opened,
     parsed,
@@ -30,6 +26,7 @@ from pipeline.graph.compose import (
 )
 from pipeline.graph.config import LOCAL_SECTIONS, Configuration, groups, option_file
 from pipeline.graph.nodes import DeviceRecipe, Node, plain
+from pipeline.graph.sections import check_groups, check_paths, check_sections
 from pipeline.review.bundle import without_places
 from pipeline.review.unpack import Limits
 from pipeline.review.unpack import opened as opened_run
@@ -139,7 +136,6 @@ def changed_configuration(
         if text.lstrip("+").startswith("experiment="):
             raise InputError(f"{origin} is an experiment already", where=f"override {text.lstrip('+')}")
     check_groups(texts, folders)
-    check_paths(texts, (*SECTIONS, *run.raw))
     pairs = [(text.lstrip("+").partition("=")[0], text) for text in texts]
     chosen = {name: text for name, text in pairs if name in groups(folders)}
     changes = [text for name, text in pairs if name not in chosen]
@@ -150,6 +146,7 @@ def changed_configuration(
         kept = without_resolvers(run.raw, plain_yaml(run.config_yaml, run.path / "config.yaml"))
         merged |= {name: value for name, value in kept.items() if name not in {*LOCAL_SECTIONS, *chosen}}
         check_size(merged)
+        check_paths(changes, merged)
         config = OmegaConf.create(merged)
         OmegaConf.set_struct(config, True)
         ConfigLoaderImpl._apply_overrides_to_config(OverridesParser.create().parse_overrides(changes), config)

@@ -22,7 +22,7 @@ from pipeline.graph.compose import compose, quoted
         (["recapture=maybe"], r"'recapture' is 'maybe'[\s\S]*true or false"),
         (["graph=null"], r"'graph' is None"),
         (["executor.kind=thraeds"], r"no executor of kind 'thraeds'[\s\S]*'threads'\?"),
-        (["recaptur=true"], r"Could not override 'recaptur'[\s\S]*did you mean 'recapture'\?"),
+        (["recaptur=true"], r"no section 'recaptur'[\s\S]*did you mean 'recapture'\?"),
         (["big.factor=3"], r"no section 'big'[\s\S]*did you mean 'graph.big.factor=3'\?"),
         (["graph.bgi.factor=3"], r"no node 'bgi'[\s\S]*did you mean 'big'\?"),
         (["+foo=1"], r"no section 'foo', and nothing refers to it"),
@@ -93,3 +93,15 @@ def test_files_that_editors_leave_do_not_count(toys: Toys) -> None:
         toys.stages.with_name(name).write_text("left over")
     toys.stages.with_name("maps.yaml").mkdir()
     assert toys.ran() == []
+
+
+def test_settings_of_the_experiments_own_section_need_no_plus(toys: Toys) -> None:
+    text = toys.experiment.read_text().replace("size: 3", "size: '${print.dots.across}'")
+    toys.experiment.write_text(text + "print: {dots: {across: 3, down: 2}}\n")
+    assert toys.load("print.dots.across=5").graph.nodes["raw"].settings["size"] == 5
+    with pytest.raises(InputError, match=r"'print\.dots' has no 'acros'[\s\S]*across, down[\s\S]*mean 'across'\?"):
+        toys.load("print.dots.acros=5")
+    with pytest.raises(InputError, match=r"no section 'pirnt'[\s\S]*did you mean 'print'\?"):
+        toys.load("pirnt.dots.across=5")
+    with pytest.raises(InputError, match=r"'paths' has no 'rnus'[\s\S]*did you mean 'runs'\?"):
+        toys.load("paths.rnus=elsewhere")
