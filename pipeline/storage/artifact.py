@@ -119,15 +119,16 @@ def read_artifact(folder: Path, types: Mapping[str, type], *, artifact: str | No
         raise DamagedArtifact(f"{folder / META} is not what this version writes: {error!r}") from None
 
 
+def frozen(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Copies of arrays that nobody can write to, nor make writeable, as those of :func:`read_artifact`."""
+    import numpy as np
+
+    return {name: np.ndarray(a.shape, a.dtype, bytes(plain_bytes(a))) for name, a in arrays.items()}
+
+
 def rebuilt(description: Mapping[str, Any], types: Mapping[str, type], arrays: Mapping[str, np.ndarray]) -> Any:
-    """The value of a description and its arrays, as :func:`read_artifact` gives it, arrays read-only."""
-
-    def load(entry: Mapping[str, Any]) -> np.ndarray:
-        array = arrays[entry["array"]].copy()
-        array.flags.writeable = False
-        return array
-
-    return _rebuild(description, types, load, Path())
+    """The value of a description and its arrays, as :func:`read_artifact` gives it; all but the arrays is made anew."""
+    return _rebuild(description, types, lambda entry: arrays[entry["array"]], Path())
 
 
 def _describe(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:

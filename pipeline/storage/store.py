@@ -23,6 +23,7 @@ from pipeline.storage.artifact import (
     DamagedArtifact,
     content_of,
     digest_of,
+    frozen,
     is_whole,
     read_artifact,
     rebuilt,
@@ -37,6 +38,8 @@ from pipeline.storage.record import Record, record_content, record_of
 from pipeline.storage.sealed import sealed, unsealed
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from pipeline.storage.mirror import Mirror
 
 REMEMBERED_BYTES = 65_536
@@ -72,7 +75,7 @@ class Store:
         self.root = root
         self.mirror = mirror
         self._verified: set[str] = set()
-        self._remembered: dict[str, Any] = {}
+        self._remembered: dict[str, tuple[Mapping[str, Any], Mapping[str, np.ndarray]]] = {}
         self._provenance: dict[str, Mapping[str, Any]] = {}
 
     @classmethod
@@ -186,7 +189,7 @@ class Store:
         self._push(artifact)
         self._verified.add(artifact)
         if sum(array.nbytes for array in arrays.values()) <= REMEMBERED_BYTES:
-            self._remembered[artifact] = rebuilt(description, data_types(), arrays)
+            self._remembered[artifact] = description, frozen(arrays)
         return artifact
 
     def _name(self, temporary: Path, artifact: str) -> None:
@@ -257,7 +260,8 @@ class Store:
             It is not what it was; it has been set aside, and the next run computes it again.
         """
         if artifact in self._remembered:
-            return self._remembered[artifact]
+            description, arrays = self._remembered[artifact]
+            return rebuilt(description, data_types(), arrays)
         if self.mirror:
             self._is_here(artifact)
         try:

@@ -42,6 +42,34 @@ def test_a_value_comes_back_as_it_was(tmp_path: Path) -> None:
     assert isinstance(again.images, np.memmap)
 
 
+def test_what_happens_to_a_value_after_it_was_put_or_got_changes_nothing(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    value = a_map()
+    kept = store.put(value)
+    value.period_um[:] = -1
+    first = store.get(kept)
+    np.testing.assert_array_equal(first.period_um, a_map().period_um)
+    for array in (first.period_um, first.period_um[1:], first.period_um.T):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0, 0] = 5
+        with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
+            array.flags.writeable = True
+    figures = {"error_deg": 1.0}
+    kept = store.put(Metrics(figures))
+    figures["error_deg"] = 2.0
+    store.get(kept).metrics["error_deg"] = 3.0
+    assert store.get(kept).metrics == {"error_deg": 1.0}
+
+
+@pytest.mark.parametrize("array", [np.zeros((0, 3)), np.array(2.5), np.arange(6).reshape(2, 3).T, np.array([True])])
+def test_a_small_value_is_the_same_from_memory_and_from_the_disk(tmp_path: Path, array: np.ndarray) -> None:
+    store = Store(tmp_path)
+    kept = store.put(PeriodMap(array, array > 0))
+    from_memory, from_disk = store.get(kept).period_um, Store(tmp_path).get(kept).period_um
+    np.testing.assert_array_equal(from_memory, from_disk)
+    assert (from_memory.dtype, from_memory.shape) == (from_disk.dtype, from_disk.shape) == (array.dtype, array.shape)
+
+
 @given(
     hnp.arrays(np.float32, hnp.array_shapes(min_dims=2, max_dims=2, min_side=0, max_side=4)),
     st.dictionaries(st.text(), st.floats(), max_size=3),
