@@ -68,15 +68,15 @@ CHANGED = " with local changes"
 
 def commit() -> str:
     """Commit of the checkout that this package runs from, and whether files differ from it; empty outside one."""
-    found = _head()
-    return found + CHANGED if found and _changed() else found
+    checkout = Path(__file__).resolve().parents[2]
+    found = head(checkout)
+    return found + CHANGED if found and _changed(checkout) else found
 
 
-def _changed() -> bool:
+def _changed(checkout: Path) -> bool:
     """Whether git knows of changes to what results depend on; no where there is no git to ask."""
     import subprocess
 
-    checkout = Path(__file__).resolve().parents[2]
     command = ["git", "--no-optional-locks", "status", "--porcelain", "--", "pipeline", "configs"]
     try:
         done = subprocess.run(command, cwd=checkout, capture_output=True, timeout=5, check=True)
@@ -85,24 +85,22 @@ def _changed() -> bool:
     return bool(done.stdout.strip())
 
 
-def _head() -> str:
-    for folder in Path(__file__).resolve().parents[2:3]:
-        git = folder / ".git"
+def head(checkout: Path) -> str:
+    """Commit that a checkout stands at, read off git's files; empty where it is none."""
+    git = checkout / ".git"
+    try:
         if git.is_file():
-            git = (folder / git.read_text().removeprefix("gitdir:").strip()).resolve()
-        try:
-            head = (git / "HEAD").read_text().strip()
-            if not head.startswith("ref: "):
-                return head
-            reference = head.removeprefix("ref: ")
-            common = git / "commondir"
-            base = (git / common.read_text().strip()).resolve() if common.is_file() else git
-            loose = base / reference
-            if loose.is_file():
-                return loose.read_text().strip()
-            for line in (base / "packed-refs").read_text().splitlines():
-                if line.endswith(" " + reference):
-                    return line.split()[0]
-        except OSError:
-            continue
-    return ""
+            git = (checkout / git.read_text().removeprefix("gitdir:").strip()).resolve()
+        head = (git / "HEAD").read_text().strip()
+        if not head.startswith("ref: "):
+            return head
+        reference = head.removeprefix("ref: ")
+        common = git / "commondir"
+        base = (git / common.read_text().strip()).resolve() if common.is_file() else git
+        loose = base / reference
+        if loose.is_file():
+            return loose.read_text().strip()
+        packed = (line.split() for line in (base / "packed-refs").read_text().splitlines())
+        return next((line[0] for line in packed if line[1:] == [reference]), "")
+    except OSError:
+        return ""
