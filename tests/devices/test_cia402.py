@@ -19,7 +19,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline import progress
-from pipeline.devices.cia402 import Axis, emergency_text, state_of
+from pipeline.devices.canopen_drive import Drive, emergency_text
+from pipeline.devices.cia402 import state_of
 from pipeline.devices.motion_profile import braking, trapezoid
 from pipeline.devices.protocols import RotationMount
 from pipeline.devices.rotation_mount import CanopenRotationMount, SimulatedRotationMount
@@ -279,14 +280,14 @@ def test_no_later_move_goes_on_after_a_fault() -> None:
 
 def test_an_interrupted_move_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
     with SimulatedRotationMount(**SLOW) as mount:
-        listen = type(mount._mount._axis)._listen
+        listen = type(mount._mount._axis._drive).listen
 
         def interrupt(axis: object) -> None:
             listen(axis)
             if mount.shaft_rad > np.deg2rad(3):
                 raise KeyboardInterrupt
 
-        monkeypatch.setattr("pipeline.devices.cia402.Axis._listen", interrupt)
+        monkeypatch.setattr("pipeline.devices.canopen_drive.Drive.listen", interrupt)
         with pytest.raises(KeyboardInterrupt):
             mount.move_to(np.deg2rad(30))
         assert 3 < at_rest(mount) < 25
@@ -302,7 +303,7 @@ def test_a_bus_that_cannot_be_opened(interface: str, channel: str) -> None:
 
 def test_a_bus_that_fails_in_use(drive: SimulatedDrive) -> None:
     with CanopenRotationMount(interface="virtual", channel=drive.channel) as mount:
-        mount._axis._network.bus.shutdown()
+        mount._axis._drive._network.bus.shutdown()
         with pytest.raises(DeviceError, match=r"the bus failed: Cannot operate on a closed bus"):
             mount.move_to(0.1)
 
@@ -542,11 +543,11 @@ def test_an_interrupted_move_stops_on_the_way() -> None:
 
 def test_an_axis_that_stands_elsewhere_than_it_says_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     with SimulatedRotationMount() as mount:
-        read = Axis._read
+        read = Drive.read
 
-        def shifted(axis: Axis, entry: Any) -> int:
-            return read(axis, entry) + (5000 if entry.name == "actual position" else 0)
+        def shifted(drive: Drive, entry: Any) -> int:
+            return read(drive, entry) + (5000 if entry.name == "actual position" else 0)
 
-        monkeypatch.setattr(Axis, "_read", shifted)
+        monkeypatch.setattr(Drive, "read", shifted)
         with pytest.raises(DeviceError, match=r"says that it reached .* but stands at"):
             mount.move_to(0.5)
