@@ -17,6 +17,11 @@ def blank(*, width_mm: float, margin_mm: float, pixel_mm: float) -> Drawing:
     return Drawing(round((width_mm + 2 * margin_mm) / pixel_mm), pixel_mm)
 
 
+def foreseen(*, pixel_mm: float, **_: object) -> dict[str, float]:
+    """What is known of a sample before it is drawn, so that what is to photograph it can refuse it."""
+    return {"pixel_mm": pixel_mm}
+
+
 def drawn_sample(
     drawing: Drawing,
     name: str,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.data import GratingSample, Photo
 from pipeline.devices import protocols
-from pipeline.devices.virtual_sample import SampleUnderPanel
+from pipeline.devices.virtual_sample import SampleUnderPanel, sample_pixels_across
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, at_least, found_by, refuse, within, zero_or_more
 from pipeline.optics.imaging import FINEST_PITCH_MM, area_average, seen_by_lens, sensor_signal
@@ -139,12 +139,7 @@ class Camera:
         InputError
             The camera's pitch is no odd multiple of the scene's, so that pixel centres would not meet.
         """
-        ratio = self.pixel_mm / scene_pixel_mm
-        if abs(ratio - round(ratio)) > 1e-6 or round(ratio) % 2 == 0:
-            raise InputError(
-                f"the camera's pixel_mm is {ratio:.4g} times the sample's",
-                expected="an odd whole multiple, such as 3",
-            )
+        sample_pixels_across(self.pixel_mm, scene_pixel_mm)
         self._view, self._scene_pixel_mm = view, scene_pixel_mm
         self.shifts_px = []
 
@@ -238,6 +233,19 @@ class PolarizationBench:
             return scene.through_polarizer(mount.shaft_rad) * np.float32(self.light.present_radiance)
 
         self.camera.look_at(view, sample.pixel_mm)
+
+    def check_pitch(self, sample_pixel_mm: float) -> None:
+        """Refuse a sample of that pitch before it is made.
+
+        Raises
+        ------
+        InputError
+            The pitch does not fit the camera's.
+        """
+        try:
+            sample_pixels_across(self.camera.pixel_mm, sample_pixel_mm)
+        except InputError as error:
+            raise error.at("camera.pixel_mm") from None
 
     def check(self) -> None:
         """Find settings that no bench can have.

@@ -6,8 +6,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import FloatArray, GratingSample
+from pipeline.errors import InputError
 from pipeline.optics.jones import stokes_parameters
 from pipeline.parallel import over_rows
+
+
+def sample_pixels_across(camera_pixel_mm: float, sample_pixel_mm: float) -> int:
+    """How many of a sample's pixels lie side by side under one of a camera's.
+
+    Raises
+    ------
+    InputError
+        No odd number of them, so that the camera's pixel centres would not meet the sample's.
+    """
+    ratio = camera_pixel_mm / sample_pixel_mm
+    if abs(ratio - round(ratio)) > 1e-6 or round(ratio) % 2 == 0:
+        raise InputError(
+            f"the camera's pixel_mm, {camera_pixel_mm:g}, is {ratio:.4g} times the sample's, {sample_pixel_mm:g}",
+            expected=f"an odd whole multiple, such as {3 * sample_pixel_mm:g}",
+        )
+    return round(ratio)
 
 
 class SampleUnderPanel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -16,14 +17,15 @@ from pipeline.execution.plan import Plan, Task, inputs_of
 from pipeline.execution.workbench import Workbench, build_device, companion
 from pipeline.graph.annotations import Annotation
 from pipeline.graph.checks import PROTOCOLS
-from pipeline.graph.nodes import DeviceRecipe
+from pipeline.graph.nodes import DeviceRecipe, Node
 
 
 def check_before_running(plan: Plan) -> None:
     """Let stages that may run, and their devices, find what would make them fail, before anything runs.
 
     A device may have a method ``check()``; a stage ``name`` may have a function ``_check_name`` beside it that takes
-    its settings.
+    its settings and, by the names of the inputs, what is foreseen of their values: what a function ``_foresee_name``
+    beside the stage that gives them makes of that stage's settings.
 
     Raises
     ------
@@ -42,11 +44,31 @@ def check_before_running(plan: Plan) -> None:
                     _collect(device.check, f"{node.path}.{name}", problems)
             check = companion(node, "_check_")
             if check is not None and len(problems) == before:
-                _collect(partial(check, **{**node.settings, **devices}), node.path, problems)
+                inputs = _foreseen_inputs(check, node, plan)
+                _collect(partial(check, **{**node.settings, **devices, **inputs}), _place(node, inputs, plan), problems)
         except InputError as error:
             problems.append(error.at(node.path))
     if problems:
         raise InputErrors(problems)
+
+
+def _foreseen_inputs(check: Callable[..., None], node: Node, plan: Plan) -> dict[str, Mapping[str, Any]]:
+    """What is foreseen of each input of one value that a check asks for; nothing of a stage that foresees nothing."""
+    wanted = {name for name in inspect.signature(check).parameters if node.inputs.get(name) and name not in node.lists}
+    found = {}
+    for name in sorted(wanted):
+        (upstream,) = node.inputs[name] or ()
+        giver = plan.steps[upstream].task.node
+        foresee = companion(giver, "_foresee_")
+        found[name] = {} if foresee is None else foresee(**giver.settings)
+    return found
+
+
+def _place(node: Node, inputs: Mapping[str, object], plan: Plan) -> str:
+    """Where a check looked: at the node, and at the nodes that give the inputs which it asked for."""
+    givers = {name: plan.steps[upstream].task.node for name in inputs for upstream in node.inputs[name] or ()}
+    given = [f"{name} from {giver.path}" for name, giver in givers.items()]
+    return f"{node.path} ({', '.join(given)})" if given else node.path
 
 
 def _lacking(device: object, annotation: Annotation, place: str) -> list[InputError]:

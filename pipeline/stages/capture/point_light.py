@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
 
 from pipeline.data import GratingSample, PictureSeries
 from pipeline.devices.simulated import DEEPEST_BITS, LARGEST_WELL
 from pipeline.devices.virtual_light import Lighting, check_lighting, render_supersampled, white_level
+from pipeline.devices.virtual_sample import sample_pixels_across
 from pipeline.errors import InputError
 from pipeline.limits import above_zero_up_to, at_least, refuse, within, zero_or_more
 from pipeline.optics.imaging import FINEST_PITCH_MM, area_average, seen_by_lens, sensor_signal
@@ -73,12 +75,7 @@ def point_light(
     InputError
         The camera's pitch is no odd multiple of the sample's.
     """
-    ratio = round(pixel_mm / sample.pixel_mm)
-    if abs(pixel_mm / sample.pixel_mm - ratio) > 1e-6 or ratio % 2 == 0:
-        raise InputError(
-            f"the camera's pixel_mm is {pixel_mm / sample.pixel_mm:.4g} times the sample's",
-            expected="an odd whole multiple, such as 3",
-        )
+    ratio = sample_pixels_across(pixel_mm, sample.pixel_mm)
     lighting = Lighting(
         lights_mm=np.asarray(lights_mm, dtype=np.float64),
         camera_mm=np.asarray(camera_mm, dtype=np.float64),
@@ -130,9 +127,10 @@ def _check_point_light(
     read_noise_electrons: float,
     bits: int,
     seed: int,
+    sample: Mapping[str, Any] | None = None,
     **_: object,
 ) -> None:
-    """Refuse impossible places, sizes and sensors before anything runs."""
+    """Refuse impossible places, sizes and sensors, and a sample whose pitch does not fit, before anything runs."""
     refuse(
         at_least(FINEST_PITCH_MM, "the shortest wavelength of light", pixel_mm=pixel_mm),
         above_zero_up_to(LARGEST_WELL, full_well_electrons=full_well_electrons),
@@ -146,3 +144,8 @@ def _check_point_light(
         coherence_um=coherence_um,
         wavelength_step_nm=wavelength_step_nm,
     )
+    if sample and "pixel_mm" in sample:
+        try:
+            sample_pixels_across(pixel_mm, sample["pixel_mm"])
+        except InputError as error:
+            raise error.at("pixel_mm, sample.pixel_mm") from None

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,9 +128,19 @@ def _take(rig: PolarizationRig, angle_rad: float) -> PolarizerPhoto:
 
 
 def _check_polarizer_sequence(
-    *, rig: PolarizationRig, count: int, span_deg: float, step_deg: float | None = None
+    *,
+    rig: PolarizationRig,
+    count: int,
+    span_deg: float,
+    step_deg: float | None = None,
+    sample: Mapping[str, Any] | None = None,
 ) -> None:
-    """Refuse what could not be fitted, before anything runs."""
+    """Refuse what could not be fitted, and a sample that does not fit a simulated rig, before anything runs."""
+    if sample and "pixel_mm" in sample and hasattr(rig, "check_pitch"):
+        try:
+            rig.check_pitch(sample["pixel_mm"])
+        except InputError as error:
+            raise InputError(error.what, where=f"sample.pixel_mm, rig.{error.where}", expected=error.expected) from None
     if rig.mount.stops_rad is None:
         refuse(at_least(LEAST_ANGLES, "as many as there are unknowns", count=count))
     _stops(rig, count, span_deg, step_deg)

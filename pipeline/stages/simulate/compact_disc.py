@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import GratingSample
-from pipeline.devices.drawn_sample import blank, undrawable
+from pipeline.devices.drawn_sample import blank, foreseen, undrawable
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, refuse, within, zero_or_more
 from pipeline.optics.drawing import Drawing, azimuth, polar, ray
@@ -197,6 +197,9 @@ def _scratched(drawing: Drawing, count: int, rim_mm: float, rng: np.random.Gener
         lines.polygon(ray((0.0, stop), rng.uniform(0.0, 360.0), _SCRATCH_MM, start), 0.0, 1.0)
     radius = np.hypot(drawing.x_mm[None, :], drawing.y_mm[:, None])
     return np.isfinite(lines.orientation_rad) & (radius > _HUB_MM) & (radius < rim_mm)
+
+
+_foresee_compact_disc = foreseen
 
 
 def _check_compact_disc(

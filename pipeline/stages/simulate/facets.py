@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.data import GratingSample
-from pipeline.devices.drawn_sample import blank, drawn_sample, undrawable
+from pipeline.devices.drawn_sample import blank, drawn_sample, foreseen, undrawable
 from pipeline.errors import InputError
 from pipeline.limits import refuse
 
@@ -73,6 +73,9 @@ def facets(
         film_axis_deg=film_axis_deg,
         ground_reflectance=ground_reflectance,
     )
+
+
+_foresee_facets = foreseen
 
 
 def _check_facets(*, orientations_deg: tuple[float, ...], period_um: float, **common: Any) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import GratingSample
-from pipeline.devices.drawn_sample import blank, drawn_sample, undrawable
+from pipeline.devices.drawn_sample import blank, drawn_sample, foreseen, undrawable
 from pipeline.limits import above_zero, refuse
 from pipeline.optics.drawing import Drawing, Map, Point, azimuth, polar, star
 
@@ -149,6 +149,9 @@ def _twisted(centre: Point, radius: float, twist_rad: float) -> Map:
 
 def _scaled(point: Point, scale: float) -> Point:
     return point[0] * scale, point[1] * scale
+
+
+_foresee_fireworks = foreseen
 
 
 def _check_fireworks(*, period_um: float, **common: Any) -> None:

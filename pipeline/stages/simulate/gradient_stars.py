@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import GratingSample
-from pipeline.devices.drawn_sample import blank, drawn_sample, undrawable
+from pipeline.devices.drawn_sample import blank, drawn_sample, foreseen, undrawable
 from pipeline.limits import above_zero, refuse, zero_or_more
 from pipeline.optics.drawing import Map, Point, star
 
@@ -125,6 +125,9 @@ def _scattered(rng: np.random.Generator) -> list[_Star]:
                     placed.append(_Star((float(x), float(y)), radius, float(rng.uniform(0, 360))))
                     break
     return placed
+
+
+_foresee_gradient_stars = foreseen
 
 
 def _check_gradient_stars(*, period_um: float, seed: int, **common: Any) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import GratingSample
-from pipeline.devices.drawn_sample import blank, drawn_sample, undrawable
+from pipeline.devices.drawn_sample import blank, drawn_sample, foreseen, undrawable
 from pipeline.limits import above_zero, refuse
 from pipeline.optics.drawing import Map
 
@@ -101,6 +101,9 @@ def _wheels(half_mm: float, sectors: int) -> Map:
         return sectors / 2 * np.arctan2(y - centre_y, x - centre_x)
 
     return orientation
+
+
+_foresee_kinematic_tile = foreseen
 
 
 def _check_kinematic_tile(*, sectors: int, period_um: float, **common: Any) -> None:

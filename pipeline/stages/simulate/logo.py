@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import GratingSample
-from pipeline.devices.drawn_sample import blank, drawn_sample, undrawable, unordered_periods
+from pipeline.devices.drawn_sample import blank, drawn_sample, foreseen, undrawable, unordered_periods
 from pipeline.limits import refuse
 from pipeline.optics.drawing import polar, ray
 
@@ -94,6 +94,9 @@ def logo(
         film_axis_deg=film_axis_deg,
         ground_reflectance=ground_reflectance,
     )
+
+
+_foresee_logo = foreseen
 
 
 def _check_logo(*, periods_um: tuple[float, ...], **common: Any) -> None:
