@@ -158,6 +158,9 @@ class Experiment:
             taken=self.taken,
         )
 
+    def check_plan(self, plan: Plan) -> None:
+        """Refuse a plan that nobody asked for, before anything runs; here, none."""
+
     def run(self, listener: Listener, log: Callable[[str], None] = lambda text: None) -> Run:
         """Run what is not in the store yet, and keep the manifest; failures are in the run.
 
@@ -251,6 +254,7 @@ def plan_of(experiment: Experiment, graph: Graph, **options: Any) -> Plan:
     sources = experiment.catalog.sources
     recapture = bool(experiment.configuration.content.get("recapture", False))
     plan = make_plan(graph, sources, experiment.store, files, recapture=recapture, **options)
+    experiment.check_plan(plan)
     if experiment.store.root.is_dir():
         with suppress(OSError):
             files.remember()

@@ -15,6 +15,7 @@ from pipeline.errors import InputError, InputErrors, PipelineError, nearest
 
 if TYPE_CHECKING:
     from pipeline.bench import Experiment
+    from pipeline.sweeps import Origin
 
 USAGE = """\
 optibench - a bench for optical-measurement experiments
@@ -27,7 +28,7 @@ optibench - a bench for optical-measurement experiments
   python -m pipeline verify RUN|BUNDLE                         recompute all of it and compare every value
   python -m pipeline diff RUN RUN                              which settings, code, versions and results differ
   python -m pipeline bundle RUN FILE.zip                       all of a run in one file, to hand on
-  python -m pipeline run RUN|BUNDLE [SETTING=VALUE ...]        run it again, changed or not
+  python -m pipeline [-m] run RUN|BUNDLE [SETTING=VALUE ...]   run it again, changed or not, or swept
   python -m pipeline export RUN NODE FOLDER                    write a node's photographs as a folder to replay
   python -m pipeline debug RUN NODE                            run one stage again, under a debugger
   python -m pipeline clean [now]                               what no run needs any more; with now, remove it
@@ -185,7 +186,7 @@ def _run(line: Line) -> int:
 
 def _rerun(line: Line) -> int:
     from pipeline.graph.config import options
-    from pipeline.review.rerun import rerun_of
+    from pipeline.review.rerun import rerun_of, reruns_of
 
     start = time.perf_counter()
     path = Path(line.words[0])
@@ -198,9 +199,10 @@ def _rerun(line: Line) -> int:
             expected="a folder such as runs/polarization_logo/3f2a91c0, or what `bundle` writes",
             hint=f"did you mean '+experiment={path}'?" if str(path) in known else "",
         )
-    if line.multirun:
-        raise InputError("a run or bundle cannot be swept", where="command line", expected="-m +experiment=NAME")
     _check_overrides(rest)
+    if line.multirun:
+        with reruns_of(path, line.folders, cli_review.limits(line)) as origin:
+            return _sweep(rest, origin)
     return _carry_out(rerun_of(path, rest.words, line.folders, cli_review.limits(line)), rest, start)
 
 
@@ -224,13 +226,13 @@ def _carry_out(experiment: Experiment, line: Line, start: float) -> int:
     return 0
 
 
-def _sweep(line: Line) -> int:
+def _sweep(line: Line, origin: Origin | None = None) -> int:
     from pipeline.bench import RunFailed
     from pipeline.execution.live import display
     from pipeline.sweeps import run_sweep
 
     with display(quiet=line.quiet) as shown:
-        done = run_sweep(line.words, line.folders, shown, _to_stderr(line))
+        done = run_sweep(line.words, line.folders, shown, _to_stderr(line), origin)
     if not line.quiet:
         print((done.folder / "table.txt").read_text())
         print(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pipeline.bench import Experiment, carry_out, check_writable, plan_of
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
@@ -16,15 +17,37 @@ from pipeline.execution.outcome import Listener, Silent
 from pipeline.execution.plan import recheck
 from pipeline.graph.catalog import Catalog, Entry
 from pipeline.graph.compose import hydra_ready, opened, readable_errors
+from pipeline.graph.config import groups
 from pipeline.graph.selection import forced
 from pipeline.runs import Run, last_keys
 from pipeline.storage.keys import digest
+from pipeline.storage.record import Record
 from pipeline.storage.store import Store
 
 if TYPE_CHECKING:
     from hydra.core.utils import JobReturn
 
 DIGEST_CHARACTERS = 8
+
+
+class Origin(Protocol):
+    """A run or a bundle whose experiment is swept."""
+
+    @property
+    def name(self) -> str:
+        """Name of the experiment."""
+
+    @property
+    def digest(self) -> str:
+        """The run's digest."""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What stands for it on the command line."""
+
+    @property
+    def load(self) -> Callable[..., Experiment]:
+        """Gives the experiment with overrides on it."""
 
 
 @dataclass(frozen=True)
@@ -150,8 +173,16 @@ def run_sweep(
     folders: Sequence[Path],
     listener: Listener,
     log: Callable[[str], None] = lambda text: None,
+    origin: Origin | None = None,
 ) -> Sweep:
     """Let Hydra's sweeper propose points, and run each batch of them as one graph; write table and page.
+
+    Parameters
+    ----------
+    words, folders, listener, log
+        As for a run.
+    origin : Origin, optional
+        Run or bundle whose experiment the words change, where they name none.
 
     Raises
     ------
@@ -169,9 +200,13 @@ def run_sweep(
 
     start = time.perf_counter()
     catalog = Catalog(_sources(words))
+    load = partial(Experiment.load, folders=folders, catalog=catalog)
+    if origin is not None:
+        load = partial(_reloaded, origin, catalog)
+        words = [f"++{word.lstrip('+')}" if _names_a_value(word, folders) else word for word in words]
     texts = [opened(word) for word in words]
-    texts = [_globbed(text, texts, folders, catalog) for text in texts]
-    batches = _Batches(folders, catalog, listener, log, Sweep(_folder(words), _command(words, folders)))
+    texts = [_globbed(text, texts, load, catalog) for text in texts]
+    batches = _Batches(load, catalog, listener, log, Sweep(_folder(words, origin), _command(words, folders, origin)))
     with readable_errors(" ".join(words)), hydra_ready(folders) as search:
         hydra = GlobalHydra.instance().hydra
         assert hydra is not None
@@ -197,7 +232,7 @@ def run_sweep(
 class _Batches:
     """Hydra's task function: carries out batches of points on one store."""
 
-    folders: Sequence[Path]
+    load: Callable[[Sequence[str]], Experiment]
     catalog: Catalog
     listener: Listener
     log: Callable[[str], None]
@@ -234,13 +269,15 @@ class _Batches:
         content = first.configuration.content
         last: dict[str, str] = {}
         anew: dict[str, str] = {}
+        taken: dict[str, Record] = {}
         for experiment, names in zip(experiments, merged.names, strict=True):
             keys = last_keys(experiment.runs, experiment.name)
             last = {**{names[name]: key for name, key in keys.items() if name in names}, **last}
             wanted = forced(experiment.graph, content.get("from"), content.get("force"))
             anew |= {names[name]: reason for name, reason in wanted.items()}
+            taken |= {names[name]: record for name, record in experiment.taken.items()}
         with first.store.in_use():
-            plan = plan_of(first, merged.graph, last=last, forced=anew)
+            plan = plan_of(first, merged.graph, last=last, forced=anew, taken=taken)
             executor = executor_of(content.get("executor") or {}, self.log)
             check_writable(first.runs)
             outcomes = carry_out(recheck(plan, first.store), first.store, self.catalog.sources, executor, self.listener)
@@ -261,7 +298,7 @@ class _Batches:
         for words in jobs:
             place = "point " + " ".join(word.lstrip("+") for word in words if word not in common)
             try:
-                found.append(Experiment.load(words, self.folders, catalog=self.catalog))
+                found.append(self.load(words))
             except InputError as error:
                 problems.append(error.at(place))
             except InputErrors as several:
@@ -280,7 +317,18 @@ def _objectives(written: Any) -> tuple[str, ...]:
     return (written,) if isinstance(written, str) else tuple(str(name) for name in written)
 
 
-def _globbed(text: str, texts: Sequence[str], folders: Sequence[Path], catalog: Catalog) -> str:
+def _reloaded(origin: Origin, catalog: Catalog, words: Sequence[str]) -> Experiment:
+    """A point of a run or a bundle, whose own overrides need no plus."""
+    return origin.load([word.lstrip("+") for word in words], catalog)
+
+
+def _names_a_value(word: str, folders: Sequence[Path]) -> bool:
+    """Whether a word changes what Hydra, which knows nothing of the run, would not find in our YAML files."""
+    name = word.lstrip("+").partition("=")[0]
+    return not word.startswith("~") and not name.startswith("hydra") and name not in groups(folders)
+
+
+def _globbed(text: str, texts: Sequence[str], load: Callable[[Sequence[str]], Experiment], catalog: Catalog) -> str:
     """``graph.NODE.stage=glob(fit.*)`` with the stages that fit in the node's place written out."""
     import fnmatch
     import re
@@ -290,7 +338,7 @@ def _globbed(text: str, texts: Sequence[str], folders: Sequence[Path], catalog: 
         return text
     name, pattern = match[1], match[2].strip("\"'")
     plain_words = [t for t in texts if t != text and not _is_sweep(t)]
-    node = Experiment.load(plain_words, folders, catalog=catalog).graph.nodes.get(name)
+    node = load(plain_words).graph.nodes.get(name)
     if node is None:
         raise InputError(f"there is no node '{name}'", where=f"override {text.lstrip('+')}", hint=nearest(name, []))
     given = {parameter for parameter, upstream in node.inputs.items() if upstream is not None}
@@ -340,18 +388,23 @@ def _written(words: Sequence[str], name: str, default: str) -> str:
     )
 
 
-def _folder(words: Sequence[str]) -> Path:
-    """Folder of a sweep: the same for the same words."""
-    counted = sorted(word.lstrip("+") for word in words if not word.lstrip("+").startswith(("paths.", "executor")))
-    experiments = _written([word.lstrip("+") for word in words], "experiment", "several")
+def _folder(words: Sequence[str], origin: Origin | None) -> Path:
+    """Folder of a sweep: the same for the same words, on the same run where they change one."""
+    bare = [word.lstrip("+") for word in words]
+    counted = sorted(word for word in bare if not word.startswith(("paths.", "executor")))
+    experiments = origin.name if origin else _written(bare, "experiment", "several")
     name = experiments if experiments.isidentifier() else "several"
-    return Path(_runs(words)) / name / "sweeps" / digest(counted)[:DIGEST_CHARACTERS]
+    identity = [f"run {origin.digest}", *counted] if origin else counted
+    return Path(_runs(words)) / name / "sweeps" / digest(identity)[:DIGEST_CHARACTERS]
 
 
-def _command(words: Sequence[str], folders: Sequence[Path]) -> str:
+def _command(words: Sequence[str], folders: Sequence[Path], origin: Origin | None) -> str:
     import shlex
 
-    return shlex.join(["python", "-m", "pipeline", "-m", *(f"--config-dir={folder}" for folder in folders), *words])
+    places = [f"--config-dir={folder}" for folder in folders]
+    if origin is not None:
+        words = [*origin.words, *(word.removeprefix("++") for word in words)]
+    return shlex.join(["python", "-m", "pipeline", "-m", *places, *words])
 
 
 def numbers(points: Sequence[Point], name: str) -> list[float] | None:

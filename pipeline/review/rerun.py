@@ -8,7 +8,7 @@ the bundle's, which could otherwise name folders to write to or a cluster to tru
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,6 +18,7 @@ from typing import Any
 from pipeline.bench import Experiment
 from pipeline.errors import InputError
 from pipeline.execution.plan import Plan
+from pipeline.graph.catalog import Catalog
 from pipeline.graph.compose import (
     hydra_ready,
     opened,
@@ -56,25 +57,24 @@ class Rerun(Experiment):
         """Where results are kept, with what the bundle says of its own."""
         return store_with_claims(str(self.configuration.content["paths"]["store"]), self.claims)
 
-    def plan(self) -> Plan:
-        """Find out what would run.
+    def check_plan(self, plan: Plan) -> None:
+        """Refuse to let real devices take what the bundle lacks, where nobody asked for that.
 
         Raises
         ------
-        InputError, InputErrors
-            As for any experiment; or real devices would take what the bundle lacks, and nobody asked for that.
+        InputError
+            They would.
         """
-        plan = super().plan()
-        for name, step in plan.to_run.items():
+        for step in plan.to_run.values():
             node = step.task.node
             if self.from_bundle and node.is_source and not step.task.recapture:
+                name = node.path.removeprefix("graph.")
                 devices = ", ".join(recipe.entry.name for device in node.devices() for recipe in device.walk())
                 raise InputError(
                     f"the bundle holds no such capture of '{name}', and real devices would take one: {devices}",
                     where=self.configuration.where(node.path),
                     hint="recapture=true takes it, with the settings of the bundle's config.yaml and yours",
                 )
-        return plan
 
 
 def rerun_of(path: Path, overrides: Sequence[str], folders: Sequence[Path] = (), limits: Limits | None = None) -> Rerun:
@@ -96,11 +96,55 @@ def rerun_of(path: Path, overrides: Sequence[str], folders: Sequence[Path] = (),
     InputError, InputErrors
         The bundle or an override is wrong; nothing has been kept of it.
     """
+    with reruns_of(path, folders, limits) as origin:
+        return origin.load(overrides)
+
+
+@contextmanager
+def reruns_of(path: Path, folders: Sequence[Path] = (), limits: Limits | None = None) -> Iterator[Origin]:
+    """A run's folder or a bundle, opened once, of which any number of changed experiments can be loaded.
+
+    Raises
+    ------
+    InputError
+        It is no run or bundle.
+    """
+    claims: dict[str, str] = {}
     with opened_run(path, limits) as run:
-        experiment = Experiment.of(changed_configuration(run, overrides, folders, str(path)))
-        taken = not_computable(run, experiment)
-        claims = _taken_into(experiment.store, run, experiment)
-    return Rerun(experiment.configuration, experiment.catalog, experiment.graph, taken, claims, path.is_file())
+
+        def load(overrides: Sequence[str], catalog: Catalog | None = None) -> Rerun:
+            experiment = Experiment.of(changed_configuration(run, overrides, folders, str(path)), catalog)
+            taken = not_computable(run, experiment)
+            place = experiment.store.location
+            if place not in claims:
+                claims[place] = _taken_into(experiment.store, run, experiment)
+            return Rerun(
+                experiment.configuration, experiment.catalog, experiment.graph, taken, claims[place], path.is_file()
+            )
+
+        yield Origin(run.name, load, ("run", str(path)), run.digest)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What changed experiments are loaded from.
+
+    Attributes
+    ----------
+    name : str
+        Name of the experiment.
+    load : callable
+        Gives the experiment with overrides on it.
+    words : tuple of str
+        What stands for it on the command line.
+    digest : str
+        The run's.
+    """
+
+    name: str
+    load: Callable[..., Rerun]
+    words: tuple[str, ...]
+    digest: str
 
 
 def kept_configuration(run: Run, runs: Path) -> Configuration:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import shutil
 import sys
 from pathlib import Path
@@ -364,11 +365,43 @@ def test_the_command_line_runs_a_bundle(toys: Toys, reviewer: Reviewer, capsys: 
         (["nowhere.zip"], "there is no run or bundle nowhere.zip"),
         (["toy"], "did you mean '+experiment=toy'?"),
         ([str(file), "graph"], "'graph' is neither a command nor SETTING=VALUE"),
-        ([str(file), "-m", "graph.cut.most=1,2"], "cannot be swept"),
+        ([str(file), "-m", "graph.cut.mots=1,2"], "did you mean 'most'?"),
     ]:
         assert main(["run", *words]) == 2
         assert message in capsys.readouterr().err
     assert main(["run", "+experiment=toy", f"paths.runs={reviewer.runs}"]) == 0
+
+
+def test_a_bundle_is_swept_as_one_graph(toys: Toys, reviewer: Reviewer, capsys: pytest.CaptureFixture[str]) -> None:
+    file = bundled(toys)
+    toys.experiment.unlink()
+    toys.forget()
+    words = ["-m", "run", str(file), f"paths.runs={reviewer.runs}", "graph.cut.most=1,2,100"]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "3 points name 12 stages; 4 run, 4 from the store" in out
+    (table,) = (reviewer.runs / "toy" / "sweeps").glob("*/table.csv")
+    rows = list(csv.DictReader(table.open()))
+    assert [(row["graph.cut.most"], float(row["mean_1_um"])) for row in rows] == [("1", 1), ("2", 2), ("100", 3)]
+    assert f"-m run {file}" in table.with_name("report.html").read_text()
+    for row in rows:
+        alone = reviewer.load(file, f"graph.cut.most={row['graph.cut.most']}")
+        assert str(alone.run(Silent()).path) == row["run"]
+    assert main([*words[:-1], "graph.big.stage=glob(toy.[cs]*)", "graph.cut.most=1"]) == 0
+    assert "toy.clip" in (capsys.readouterr().out)
+
+
+def test_a_sweep_of_a_bundle_reaches_its_own_sections_and_takes_no_capture_unasked(
+    rigged: Path, reviewer: Reviewer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["-m", "run", str(rigged), f"paths.runs={reviewer.runs}"]
+    reviewer.toys.forget()
+    assert main([*words, "shared.much=3,4"]) == 0
+    assert "2 points name 8 stages; 1 run, 4 from the store" in capsys.readouterr().out
+    assert main([*words, "shared.mcuh=3,4"]) == 2
+    assert "did you mean 'much'?" in capsys.readouterr().err
+    assert main([*words, "rig=dim,bright"]) == 2
+    assert "holds no such capture of 'shot'" in capsys.readouterr().err
 
 
 def test_an_experiment_and_its_rerun_have_one_digest(rigged: Path, toys: Toys, reviewer: Reviewer) -> None:
