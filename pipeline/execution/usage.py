@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
+from functools import cache
 from types import TracebackType
 
 _INTERVAL_S = 0.02
@@ -80,11 +81,13 @@ def resident_mb() -> float:
     import resource
 
     try:
-        descriptor = os.open("/proc/self/statm", os.O_RDONLY)
+        return int(os.pread(_statm(os.getpid()), 128, 0).split()[1]) * resource.getpagesize() / 1e6
     except OSError:
         highest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         return highest / (1e6 if sys.platform == "darwin" else 1e3)
-    try:
-        return int(os.read(descriptor, 128).split()[1]) * resource.getpagesize() / 1e6
-    finally:
-        os.close(descriptor)
+
+
+@cache
+def _statm(process: int) -> int:
+    """A descriptor of what the kernel says of this process' memory; a process that was forked has one of its own."""
+    return os.open("/proc/self/statm", os.O_RDONLY)

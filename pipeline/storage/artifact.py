@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import PipelineError
+from pipeline.storage.files import write_pieces
 from pipeline.storage.keys import Digest, digest, digest_array, plain_bytes
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 FORMAT = 1
 META = "meta.json"
+_JOINED_BYTES = 65_536
+"""Arrays no larger than this are written together with their header."""
 _MALFORMED = (KeyError, TypeError, ValueError, AttributeError, OverflowError)
 
 
@@ -42,14 +45,13 @@ def digest_of(description: Mapping[str, Any]) -> str:
     return digest(_digestible(description))
 
 
-def write_artifact(folder: Path, description: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+def write_artifact(folder: str | Path, description: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
     """Write a value into an empty folder that has no name yet which counts."""
     for name, array in arrays.items():
-        with open(f"{folder}/{name}", "wb") as file:
-            file.write(_header(array.dtype.str, array.shape))
-            file.write(plain_bytes(array))
-    with open(f"{folder}/{META}", "w", encoding="utf-8") as text:
-        text.write(json.dumps({"format": FORMAT, "value": description}))
+        header, data = _header(array.dtype.str, array.shape), plain_bytes(array)
+        pieces = (header + bytes(data),) if array.nbytes <= _JOINED_BYTES else (header, data)
+        write_pieces(f"{folder}/{name}", *pieces)
+    write_pieces(f"{folder}/{META}", json.dumps({"format": FORMAT, "value": description}).encode())
 
 
 def read_description(folder: Path) -> dict[str, Any]:

@@ -28,16 +28,15 @@ def write_text(path: Path, text: str) -> None:
 
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a file so that a reader sees the old content or the new, never a part."""
-    temporary = f"{path.parent}{os.sep}.{path.name}.{uuid.uuid4().hex[:8]}"
+    folder, name = os.path.split(path)
+    temporary = os.path.join(folder, f".{name}.{uuid.uuid4().hex[:8]}")
     try:
         with writing(path):
             try:
-                file = open(temporary, "wb")  # noqa: SIM115 - closed below
+                write_pieces(temporary, data)
             except FileNotFoundError:
-                make_folder(path.parent)
-                file = open(temporary, "wb")  # noqa: SIM115
-            with file:
-                file.write(data)
+                make_folder(folder)
+                write_pieces(temporary, data)
             os.replace(temporary, path)
     except BaseException:
         with suppress(OSError):
@@ -45,14 +44,26 @@ def write_bytes(path: Path, data: bytes) -> None:
         raise
 
 
-def make_folder(path: Path) -> None:
+def write_pieces(path: str, *pieces: bytes | memoryview) -> None:
+    """Write a file of these pieces under a name that does not count yet.
+
+    Each piece goes to the disk as it is: a buffer would cost four system calls more than opening, writing and closing.
+    """
+    with open(path, "wb", buffering=0) as file:
+        for piece in pieces:
+            left = memoryview(piece)
+            while left:
+                left = left[file.write(left) :]
+
+
+def make_folder(path: str | Path) -> None:
     """Make a folder and those above it, where they are missing."""
     try:
         os.mkdir(path)
     except FileExistsError:
         return
     except FileNotFoundError:
-        path.mkdir(parents=True, exist_ok=True)
+        os.makedirs(path, exist_ok=True)
 
 
 def sync(folder: Path) -> None:

@@ -15,19 +15,19 @@ _RANGES = hasattr(fcntl, "F_OFD_SETLKW") and sys.platform == "linux" and sys.max
 
 
 @contextmanager
-def locked(folder: Path, name: str) -> Iterator[None]:
+def locked(folder: str | Path, name: str) -> Iterator[None]:
     """Hold a lock of that name, which no other thread or process can hold at the same time.
 
     The names share one file, of which each locks a byte of its own: a file made and removed for each would slow down
     whoever makes files afterwards, since ext4 passes over what was removed just now. Other systems than Linux have
     only locks of whole files that threads do not share.
     """
-    with _byte(folder / "names", name) if _RANGES else _file(folder / name):
+    with _byte(f"{folder}/names", name) if _RANGES else _file(Path(folder, name)):
         yield
 
 
 @contextmanager
-def _byte(path: Path, name: str) -> Iterator[None]:
+def _byte(path: str, name: str) -> Iterator[None]:
     place = int.from_bytes(hashlib.sha256(name.encode()).digest()[:7], "big")
     descriptor = _opened(path)
     try:
@@ -80,12 +80,12 @@ def alone(path: Path, *, wait: bool = True) -> Iterator[None]:
         os.close(descriptor)
 
 
-def _opened(path: Path) -> int:
+def _opened(path: str | Path) -> int:
     """A descriptor of the lock's file, which is made where it is missing."""
     try:
         return os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
     except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        os.makedirs(os.path.dirname(path), exist_ok=True)
         return os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
 
 

@@ -170,16 +170,16 @@ class Store:
         description, arrays = content_of(value)
         artifact = digest_of(description)
         target = self.object_folder(artifact)
-        if target.is_dir() and is_whole(target):
+        if os.path.isdir(target) and is_whole(target):
             self._push(artifact)
             return artifact
-        temporary = self.root / f"objects/.{uuid.uuid4().hex}"
+        temporary = f"{self.root}/objects/.{uuid.uuid4().hex}"
         try:
             with writing(temporary):
                 make_folder(temporary)
                 write_artifact(temporary, description, arrays)
                 if durable:
-                    sync(temporary)
+                    sync(Path(temporary))
                 self._name(temporary, artifact)
                 if durable:
                     sync(target.parent)
@@ -192,14 +192,14 @@ class Store:
             self._remembered[artifact] = description, frozen(arrays)
         return artifact
 
-    def _name(self, temporary: Path, artifact: str) -> None:
+    def _name(self, temporary: str, artifact: str) -> None:
         """Give a value written whole its name, unless another process was faster."""
         target = self.object_folder(artifact)
         while True:
             try:
                 os.rename(temporary, target)
             except FileNotFoundError:
-                if not temporary.exists():
+                if not os.path.exists(temporary):
                     raise
                 make_folder(target.parent)
             except OSError as error:
@@ -296,7 +296,7 @@ class Store:
     @contextmanager
     def lock(self, key: str) -> Iterator[None]:
         """Only one process at a time works on a recipe; the lock ends with the process that holds it."""
-        with locked(self.root / "locks", key):
+        with locked(f"{self.root}/locks", key):
             yield
 
     @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from toys import Toys
 
 from pipeline.storage.disks import DiskError, disk_of, writing
-from pipeline.storage.files import write_text
+from pipeline.storage.files import write_pieces, write_text
 
 
 def refusing(number: int) -> Any:
@@ -54,3 +55,15 @@ def test_what_a_disk_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, nu
 def test_what_is_not_the_disks_fault_stays_as_it_is(tmp_path: Path) -> None:
     with pytest.raises(IsADirectoryError, match="Is a directory"), writing(tmp_path):
         tmp_path.open("wb")
+
+
+def test_a_file_is_whole_though_the_system_takes_it_piece_by_piece(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Slow(io.FileIO):
+        def write(self, data: memoryview) -> int:  # type: ignore[override]
+            return super().write(data[:7])
+
+    monkeypatch.setattr("builtins.open", lambda path, mode, buffering: Slow(path, mode))
+    write_pieces(str(tmp_path / "file"), b"a header, ", b"", memoryview(b"and what follows"))
+    assert (tmp_path / "file").read_bytes() == b"a header, and what follows"
