@@ -11,7 +11,7 @@ from typing import Any
 
 from pipeline.errors import InputError, nearest
 from pipeline.graph.config import Configuration, Override, configs_folder, groups, option_file, options, shown
-from pipeline.graph.sections import OPEN_SECTIONS, SECTIONS, check_groups, check_paths, check_sections
+from pipeline.graph.sections import FURTHER_RIG, OPEN_SECTIONS, SECTIONS, check_groups, check_paths, check_sections
 from pipeline.storage.files import settled, stamp, write_text
 from pipeline.storage.keys import digest
 from pipeline.storage.sealed import sealed, unsealed
@@ -125,7 +125,7 @@ def opened(text: str) -> str:
     """An override with the prefix that Hydra wants but a user need not know."""
     if text.startswith("experiment="):
         return "+" + text
-    if re.match(rf"({'|'.join(OPEN_SECTIONS)})\.", text):
+    if re.match(rf"({'|'.join(OPEN_SECTIONS)}|\w+{FURTHER_RIG})\.", text):
         return "++" + text
     return text
 
@@ -197,13 +197,14 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
     if graph is not None:
         raw["graph"] = content["graph"] = graph
     files = [(configs_folder() / "config.yaml", "")]
-    for group, choice in choices.items():
-        if isinstance(choice, str) and not group.startswith("hydra"):
+    for name, choice in choices.items():
+        if isinstance(choice, str) and not name.startswith("hydra"):
+            group, _, section = name.partition("@")
             file = option_file(group, choice, folders)
             if file is None:
                 hint = nearest(choice, options(group, folders))
                 raise InputError(f"there is no {group} '{choice}'", where="the experiment's defaults", hint=hint)
-            files.append((file, "" if group == "experiment" else group))
+            files.append((file, "" if group == "experiment" else section or group))
     return {
         "content": {str(k): v for k, v in content.items()},
         "raw": {str(k): v for k, v in raw.items()},

@@ -14,6 +14,9 @@ from pipeline.graph.config import Configuration, configs_folder, groups, option_
 OPEN_SECTIONS = ("graph", "rig", "executor")
 """Sections whose settings are checked against signatures, so that an override may name one that no YAML writes."""
 
+FURTHER_RIG = "_rig"
+"""End of the names of the sections in which an experiment keeps rigs besides its own."""
+
 SECTIONS = (
     "description",
     "graph",
@@ -41,6 +44,7 @@ def check_groups(texts: Sequence[str], folders: Sequence[Path]) -> None:
     """Refuse an option that a config group does not have."""
     for text in texts:
         name, _, choice = text.lstrip("+").partition("=")
+        name = name.partition("@")[0]
         if name in groups(folders) and choice and not choice.startswith("{"):
             known = options(name, folders)
             if choice not in known:
