@@ -11,7 +11,9 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from pipeline.data import (
+    Defects,
     GratingSample,
+    Inspection,
     LineDeviation,
     Metrics,
     OrientationError,
@@ -23,6 +25,7 @@ from pipeline.data import (
 )
 from pipeline.optics.colour import encode_srgb
 from pipeline.report.encoded import webp_uri
+from pipeline.report.inspections import drawn, inspection
 from pipeline.report.maps import Scale, map_with_bar, marked, orientation_map, size_of, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import PICTURE_PIXELS, Figure, photos, pictures
@@ -199,5 +202,7 @@ DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     PictureSeries: lambda value, _: pictures(value),
     PolarizerResponse: lambda value, _: responses(value),
     LineDeviation: lambda value, _: deviations(value),
+    Defects: drawn,
+    Inspection: inspection,
     Metrics: lambda *_: [],
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,17 @@ class Scale:
     log: bool = False
 
 
+@dataclass(frozen=True)
+class Mark:
+    """A box on a map with a word beside it, in the units of the map's axes."""
+
+    words: str
+    left: float
+    right: float
+    low: float
+    high: float
+
+
 def spread(values: NDArray[np.floating], label: str, percent: float = 0.25) -> Scale:
     """A scale that leaves out ``percent`` of the known values at either end."""
     known = values[np.isfinite(values)]
@@ -53,24 +65,30 @@ def spread(values: NDArray[np.floating], label: str, percent: float = 0.25) -> S
     return Scale(label, low, high)
 
 
-def map_with_bar(values: NDArray[np.floating], pixel_mm: float | None, scale: Scale) -> Markup:
+def map_with_bar(
+    values: NDArray[np.floating], pixel_mm: float | None, scale: Scale, marks: Sequence[Mark] = ()
+) -> Markup:
     """A map, its colour bar, and how many pixels have each colour."""
     svg, axes = _framed(values.shape, pixel_mm, 170)
     shown = colours(reduced(values), scale.low, scale.high, scale.shades)
     svg.image(png_uri(shown), axes.left, axes.top, axes.width, axes.height)
     axes.frame()
+    _mark(svg, axes, marks)
     ramp = np.linspace(scale.high, scale.low, 256, dtype=np.float32)[:, None]
     bar, widest = colour_bar(svg, axes, colours(ramp, scale.low, scale.high, scale.shades), scale)
     _histogram(svg, values, scale, (bar.right + 15 + 7 * widest, bar.top, 168 - 50 - 7 * widest, bar.height))
     return svg.markup(f"map of {scale.label}")
 
 
-def orientation_map(orientation_rad: NDArray[np.floating], pixel_mm: float | None) -> Markup:
+def orientation_map(
+    orientation_rad: NDArray[np.floating], pixel_mm: float | None, marks: Sequence[Mark] = ()
+) -> Markup:
     """Orientations as hues, the wheel that names them, and in it a rose of how common each is."""
     svg, axes = _framed(orientation_rad.shape, pixel_mm, 170)
     shown = orientation_colours(reduced(orientation_rad, axial=True))
     svg.image(png_uri(shown), axes.left, axes.top, axes.width, axes.height)
     axes.frame()
+    _mark(svg, axes, marks)
     radius = 54.0
     x, y = axes.right + 94, axes.top + max(radius + 16, axes.height / 2)
     svg.image(png_uri(wheel_colours(int(4 * radius))), x - radius, y - radius, 2 * radius, 2 * radius)
@@ -127,6 +145,18 @@ def _framed(shape: tuple[int, ...], pixel_mm: float | None, beside: float) -> tu
     axes.label_x("x (mm)" if pixel_mm else "column (px)", ticks(min(x), max(x), most=max(2, int(width // 48))))
     axes.label_y("y (mm)" if pixel_mm else "row (px)", down)
     return svg, axes
+
+
+def _mark(svg: Svg, axes: Axes, marks: Sequence[Mark]) -> None:
+    """Boxes on a map, white on black so that they show on every colour; the word stands at the upper right corner."""
+    for mark in marks:
+        (x0, y0), (x1, y1) = axes.at(mark.left, mark.high), axes.at(mark.right, mark.low)
+        for kind in ("mark under", "mark"):
+            svg.rect(x0, y0, x1 - x0, y1 - y0, kind)
+        inside = x1 + 8 * len(mark.words) < axes.right
+        x, anchor = (x1 + 3, "start") if inside else (x0 - 3, "end")
+        for kind in ("note under", "note"):
+            svg.text(x, max(y0 + 9, axes.top + 10), mark.words, anchor=anchor, kind=kind)
 
 
 def colour_bar(svg: Svg, axes: Axes, ramp: NDArray[np.floating], scale: Scale) -> tuple[Axes, int]:

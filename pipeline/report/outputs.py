@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import (
+    Defects,
     GratingSample,
+    Inspection,
     LineDeviation,
     OrientationError,
     OrientationMap,
@@ -30,6 +32,7 @@ from pipeline.optics.colour import encode_srgb
 from pipeline.parallel import threads
 from pipeline.report.encoded import png
 from pipeline.report.exr import write_exr
+from pipeline.report.inspections import csv_of
 from pipeline.report.maps import Scale, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import Figure
@@ -228,6 +231,18 @@ def _deviation(stem: Path, value: LineDeviation) -> Written:
     yield path
 
 
+def _defects(stem: Path, value: Defects) -> Written:
+    path = stem.with_name(f"{stem.name}.csv")
+    write_text(path, csv_of(value))
+    yield path
+
+
+def _inspection(stem: Path, value: Inspection) -> Written:
+    yield from _defects(stem, value.defects)
+    channels = {"significance": value.significance, "defect": value.defects.labels.astype(np.float32)}
+    yield _exr(stem, channels, pixel_mm=value.defects.pixel_mm)
+
+
 def _exr(stem: Path, channels: dict[str, NDArray[Any]], **attributes: float | None) -> Path:
     path = stem.with_name(f"{stem.name}.exr")
     write_exr(path, channels, attributes)
@@ -253,4 +268,6 @@ WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     PictureSeries.__name__: _pictures,
     PolarizerResponse.__name__: _response,
     LineDeviation.__name__: _deviation,
+    Defects.__name__: _defects,
+    Inspection.__name__: _inspection,
 }
