@@ -38,7 +38,7 @@ _ROBUST = 2.0
 _BLUNT = np.array([0.08, np.deg2rad(15), np.deg2rad(6), np.deg2rad(20)])
 _SHARP = _BLUNT / 2
 """Starts are farther apart than this, in some unknown."""
-_WEIGHED_CELLS, _WEIGHED_STEPS, _ROUNDS = 3_000_000, (360, 4000), 12
+_WEIGHED_CELLS, _WEIGHED_STEPS, _STRIDE, _ROUNDS = 1_000_000, (200, 4000), 0.7, 60
 _APART = np.array([0.03, 0.03, 0.02, 0.05])
 """Minima nearer to each other than this, in all unknowns, are one."""
 _STRAY = 0.02
@@ -185,25 +185,25 @@ class _Problem:
         scale = max(1.0, min(_robust_rms(self.distances(x)[0]) for x in kept))
         return sorted(((self.unlikelihood(x, scale), x) for x in kept), key=lambda pair: pair[0])
 
-    def weighed_steps(self, x: Float64Array) -> int:
-        """Orientations to tell apart: steps wider than the noise would favour curves whose samples hit the facets."""
-        curve = self.curve(x)
-        noise = self.noise.covariance(curve.stokes)
-        towards = np.linalg.solve(noise, curve.slope[:, :, None])[:, :, 0]
-        width = np.median(1 / np.sqrt((towards * curve.slope).sum(axis=1))) * np.median(self.points.scale)
-        return int(np.clip(np.pi / (0.7 * width), *_WEIGHED_STEPS))
-
     def unlikelihood(self, x: Float64Array, scale: float) -> float:
-        """Negative logarithm of the points' likelihood, the shares of all orientations being those that fit best."""
-        steps = self.weighed_steps(x)
-        points = self.points.take(_WEIGHED_CELLS // steps)
-        curve = response_curve(self.grating(x), steps)
-        stride = curve.slope * (np.pi / steps)
-        between = stride[:, :, None] * stride[:, None, :] / 12  # orientations between two samples
-        typical = float(np.median(points.scale))
-        covariance = (scale * typical) ** 2 * self.noise.covariance(curve.stokes) + between
+        """Negative logarithm of the points' likelihood, the shares of all orientations being those that fit best.
+
+        The curve is sampled evenly in units of the noise: steps wider than it would favour curves that are slow where
+        the points are, or whose samples hit the facets.
+        """
+        curve = self.curve(x)
+        typical = scale * float(np.median(self.points.scale))
+        towards = np.linalg.solve(self.noise.covariance(curve.stokes), curve.slope[:, :, None])[:, :, 0]
+        speed = np.sqrt((towards * curve.slope).sum(axis=1)) / typical
+        length = np.concatenate([[0.0], np.cumsum(speed) * np.pi / _STEPS])
+        count = int(np.clip(length[-1] / _STRIDE, *_WEIGHED_STEPS))
+        theta = np.interp(np.arange(count) * (length[-1] / count), length, np.linspace(0, np.pi, _STEPS + 1))
+        points = self.points.take(_WEIGHED_CELLS // count)
+        places = np.stack(relative_stokes(theta, self.grating(x))[1:], axis=1)
+        blunter = max(1.0, length[-1] / count / _STRIDE)
+        covariance = (blunter * typical) ** 2 * self.noise.covariance(places)
         height = 1 / np.sqrt(np.linalg.det(covariance))
-        density = _densities(points.stokes, curve.stokes, np.linalg.inv(covariance), height)
+        density = _densities(points.stokes, places, np.linalg.inv(covariance), height)
         return float(_unlikelihood(density, _STRAY, _ROUNDS)) * len(self.points.stokes) / len(points.stokes)
 
 
