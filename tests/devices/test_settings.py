@@ -21,12 +21,25 @@ from pipeline.graph.catalog import Catalog, Entry
 
 CATALOG = Catalog(Sources())
 RIG = PolarizationBench(camera=Camera(), mount=SimulatedRotationMount(), light=Panel())
-GIVEN = {"lights_mm": [[100.0, 0.0, 300.0]], "rig": RIG}
+GIVEN = {"electrons": 10_000.0, "lights_mm": [[100.0, 0.0, 300.0]], "rig": RIG}
+OPTICS = {"phase_deg", "retardation_deg", "film_axis_deg"}
 EITHER_SIGN = {
-    "capture.polarizer_sequence": {"span_deg"},
+    "capture.polarizer_sequence": {"span_deg", "step_deg"},
+    "fit.auto": {"film_axis_deg", "threshold"},
     "fit.cosine": {"threshold"},
+    "fit.jones": {"retardation_deg", "film_axis_deg", "threshold"},
     "fit.offset": {"known_deg"},
-    "simulate.logo": {"phase_deg", "retardation_deg", "film_axis_deg"},
+    "simulate.banknote_emblem": OPTICS | {"turn_deg"},
+    "simulate.compact_disc": {"phase_deg"},
+    "simulate.defects": {"turn_deg"},
+    "simulate.facets": OPTICS,
+    "simulate.fireworks": OPTICS | {"twist_deg"},
+    "simulate.gradient_stars": OPTICS,
+    "simulate.kinematic_tile": OPTICS,
+    "simulate.laid_down": {"x_mm", "y_mm", "turn_deg"},
+    "simulate.logo": OPTICS,
+    "simulate.misread_polarizer": {"stretch"},
+    "simulate.polarizer_response": OPTICS,
     "rotation_mount.CanopenRotationMount": {"zero_deg"},
     "rotation_mount.SimulatedRotationMount": {"eccentricity_deg"},
 }
@@ -99,7 +112,7 @@ def photographs(folder: Path) -> Path:
         ("graph.period.longest_um=-1", r"longest_um is -1[\s\S]*graph.period: longest_um"),
         ("graph.smooth.sigma_pixel=0", r"sigma_pixel is 0[\s\S]*graph.smooth: sigma_pixel"),
         ("graph.smooth.iterations=-3", r"iterations is -3[\s\S]*graph.smooth: iterations"),
-        ("graph.photos.count=-1", r"count is -1[\s\S]*graph.photos: count"),
+        ("graph.photos.count=-1", r"count is -1[\s\S]*graph.photos[^:]*: count"),
         ("rig.camera.pixel_mm=0.0001", r"pixel_mm is 0.0001[\s\S]*graph.photos.rig: camera: pixel_mm[\s\S]*at least"),
         ("rig.mount.velocity_deg_s=1e9", r"velocity_deg_s is 1e\+09[\s\S]*graph.photos.rig: mount: velocity_deg_s"),
         ("rig.light={device: simulated.Panel, radiance: 0}", r"radiance is 0[\s\S]*graph.photos.rig: light: radiance"),

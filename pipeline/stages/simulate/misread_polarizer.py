@@ -29,13 +29,13 @@ def misread_polarizer(
     Raises
     ------
     InputError
-        The scatter is negative.
+        The scatter or the seed is negative.
     """
-    _check_misread_polarizer(scatter_deg=scatter_deg)
+    _check_misread_polarizer(scatter_deg=scatter_deg, seed=seed)
     scatter = np.random.default_rng(seed).normal(0.0, np.deg2rad(scatter_deg), len(photos.polarizer_rad))
     return dataclasses.replace(photos, polarizer_rad=photos.polarizer_rad * stretch + scatter)
 
 
-def _check_misread_polarizer(*, scatter_deg: float, **_: object) -> None:
-    """Refuse a negative scatter before anything runs."""
-    refuse(zero_or_more(scatter_deg=scatter_deg))
+def _check_misread_polarizer(*, scatter_deg: float, seed: int, **_: object) -> None:
+    """Refuse a negative scatter or seed before anything runs."""
+    refuse(zero_or_more(scatter_deg=scatter_deg, seed=seed))

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.data import PolarizerResponse
-from pipeline.limits import at_least, refuse, within
+from pipeline.limits import refuse, within
 from pipeline.optics import jones
 from pipeline.optics.fresnel import zeroth_order_ratio
 from pipeline.optics.metals import METALS
@@ -128,7 +128,6 @@ def _check_polarizer_response(
         within(0, LARGEST_RATIO, amplitude_ratio=amplitude_ratio),
         within(0, 89.9, incidence_deg=incidence_deg),
         within(1, 4, film_index=film_index),
-        at_least(LEAST_ANGLES, "as many as the method takes", polarizer_count=polarizer_count),
-        at_least(LEAST_ORIENTATIONS, "to follow the row maxima round", orientation_count=orientation_count),
-        within(0, MOST_STEPS, polarizer_count=polarizer_count, orientation_count=orientation_count),
+        within(LEAST_ANGLES, MOST_STEPS, polarizer_count=polarizer_count),
+        within(LEAST_ORIENTATIONS, MOST_STEPS, orientation_count=orientation_count),
     )
