@@ -56,7 +56,8 @@ def test_a_pitch_that_does_not_fit_is_refused_by_both_cameras_before_the_sample_
 
 def test_every_drawn_sample_is_foreseen() -> None:
     catalog = Catalog(Sources())
-    drawn = {name: entry for name, entry in catalog.stages.items() if entry.type == "GratingSample"}
+    stages = catalog.stages.items()
+    drawn = {name: entry for name, entry in stages if entry.type == "GratingSample" and not entry.inputs}
     assert "simulate.logo" in drawn
     for name, entry in drawn.items():
         module = importlib.import_module(entry.module)
