@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 
 from pipeline.optics.angles import axial_difference
+from pipeline.optics.curve_starts import starts
 from pipeline.optics.response_curve import FilmedGrating, ResponseCurve, StokesNoise, relative_stokes, response_curve
 
 Float64Array = NDArray[np.float64]
@@ -27,18 +28,12 @@ _HIGH = np.array([np.log(2.0), np.pi, np.pi / 2, np.inf])
 _EXPECTED = np.array([0.0, np.pi / 2, 0.0, 0.0])
 _PRIOR = np.array([0.3, np.pi / 2, np.pi / 4, np.pi / 2])
 """Standard deviations about ``_EXPECTED`` of what is usual: they decide what the points leave open, no more."""
-_RATIOS = (0.85, 0.95, 1.0, 1.05, 1.2)
-_PHASES_DEG = np.arange(5.0, 180.0, 10.0)
-_RETARDATIONS_DEG = (0.0, 2.0, 5.0, 8.0, 12.0, 16.0, 20.0, 25.0, 30.0, 37.0, 45.0, 60.0, 75.0)
-_AXES_DEG = np.arange(0.0, 180.0, 15.0)
-_COARSE_POINTS, _COARSE_STEPS = 250, 120
 _STARTS, _MIDDLE_POINTS, _FINAL = 24, 400, 4
 _STEPS = 720
 _ROBUST = 2.0
-_BLUNT = np.array([0.08, np.deg2rad(15), np.deg2rad(6), np.deg2rad(20)])
-_SHARP = _BLUNT / 2
-"""Starts are farther apart than this, in some unknown."""
-_WEIGHED_CELLS, _WEIGHED_STEPS, _STRIDE, _ROUNDS = 1_000_000, (200, 4000), 0.7, 60
+_FINEST = 0.1
+_PLACES, _STRIDE, _ROUNDS = (200, 4000), 0.7, 60
+_FAR = 40.0
 _APART = np.array([0.03, 0.03, 0.02, 0.05])
 """Minima nearer to each other than this, in all unknowns, are one."""
 _STRAY = 0.02
@@ -106,10 +101,10 @@ def find_curve(points: Points, known: dict[str, float]) -> CurveFit:
     if not unknowns:
         problem = _Problem(points, given, unknowns)
         return _described(problem, np.zeros(0), [])
-    starts = _starts(points, given, unknowns)
+    begin = starts(points.stokes, float(np.median(points.scale)), given, _STARTS)
     rough = _Problem(points.take(_MIDDLE_POINTS), given, unknowns)
     fine = _Problem(points, given, unknowns)
-    refined = fine.ranked([rough.descend(start) for start in starts])
+    refined = fine.ranked([rough.descend(start[list(unknowns)], tolerance=1e-4) for start in begin])
     final = fine.ranked([fine.descend(x, times=2) for _, x in refined[:_FINAL]])
     return _described(fine, final[0][1], [x for cost, x in final[1:] if cost - final[0][0] < _UNDECIDED])
 
@@ -151,25 +146,42 @@ class _Problem:
     def jacobian(self, x: Float64Array) -> Float64Array:
         """Of the residuals; where on the curve the nearest place lies does not change a distance to first order."""
         _, nearest, along = self.distances(x)
-        columns = [-(self.change(x, k)[nearest] * along).sum(axis=1) / self.scale for k in range(len(x))]
-        return np.concatenate([np.stack(columns, axis=1), np.diag(1 / _PRIOR[list(self.unknowns)])])
+        columns = -(self.changes(x)[:, nearest] * along).sum(axis=2).T / self.scale
+        return np.concatenate([columns, np.diag(1 / _PRIOR[list(self.unknowns)])])
 
-    def change(self, x: Float64Array, k: int) -> Float64Array:
-        """Derivative of the curve's points with respect to an unknown."""
-        step = np.zeros_like(x)
-        step[k] = 1e-5
-        return (self.curve(x + step).stokes - self.curve(x - step).stokes) / 2e-5
+    def changes(self, x: Float64Array) -> Float64Array:
+        """Derivatives of the curve's points with respect to the unknowns, shape (U, T, 2)."""
+        whole = self.given.copy()
+        whole[list(self.unknowns)] = x
+        steps = 1e-5 * np.eye(4)[list(self.unknowns)]
+        places = np.concatenate([whole + steps, whole - steps])
+        places[:, 0] = np.exp(places[:, 0])
+        theta = np.arange(_STEPS) * (np.pi / _STEPS)
+        ahead, behind = np.split(np.stack(relative_stokes(theta, places[:, None, :])[1:], axis=-1), 2)
+        return (ahead - behind) / 2e-5
 
-    def descend(self, start: Float64Array, times: int = 1) -> Float64Array:
+    def descend(self, start: Float64Array, times: int = 1, tolerance: float = 1e-8) -> Float64Array:
         """The minimum below a start; the scale of the residuals is what they turn out to be."""
         low, high = _LOW[list(self.unknowns)], _HIGH[list(self.unknowns)]
         x = np.clip(start, low + 1e-9, high - 1e-9)
         for _ in range(times):
             self.scale = max(1.0, _robust_rms(self.distances(x)[0]))
             found = least_squares(
-                self.residuals, x, self.jacobian, bounds=(low, high), loss="cauchy", f_scale=_ROBUST, max_nfev=40
+                self.residuals,
+                x,
+                self.jacobian,
+                bounds=(low, high),
+                loss="cauchy",
+                f_scale=_ROBUST,
+                ftol=tolerance,
+                xtol=tolerance,
+                max_nfev=40,
             )
             x = found.x
+        if self.unknowns[-2:] == (2, 3) and x[-2] < 0:  # the same film, named by its other axis
+            x[-2:] = -x[-2], x[-1] + np.pi / 2
+        if 3 in self.unknowns:
+            x[-1] %= np.pi
         return x
 
     def ranked(self, places: list[Float64Array]) -> list[tuple[float, Float64Array]]:
@@ -192,51 +204,64 @@ class _Problem:
         the points are, or whose samples hit the facets.
         """
         curve = self.curve(x)
-        typical = scale * float(np.median(self.points.scale))
+        finest = scale * float(np.quantile(self.points.scale, _FINEST))
         towards = np.linalg.solve(self.noise.covariance(curve.stokes), curve.slope[:, :, None])[:, :, 0]
-        speed = np.sqrt((towards * curve.slope).sum(axis=1)) / typical
+        speed = np.sqrt((towards * curve.slope).sum(axis=1)) / finest
         length = np.concatenate([[0.0], np.cumsum(speed) * np.pi / _STEPS])
-        count = int(np.clip(length[-1] / _STRIDE, *_WEIGHED_STEPS))
+        count = int(np.clip(length[-1] / _STRIDE, *_PLACES))
         theta = np.interp(np.arange(count) * (length[-1] / count), length, np.linspace(0, np.pi, _STEPS + 1))
-        points = self.points.take(_WEIGHED_CELLS // count)
         places = np.stack(relative_stokes(theta, self.grating(x))[1:], axis=1)
+        covariance = self.noise.covariance(places)
+        height = 1 / (2 * np.pi * np.sqrt(np.linalg.det(covariance)))
         blunter = max(1.0, length[-1] / count / _STRIDE)
-        covariance = (blunter * typical) ** 2 * self.noise.covariance(places)
-        height = 1 / np.sqrt(np.linalg.det(covariance))
-        density = _densities(points.stokes, places, np.linalg.inv(covariance), height)
-        return float(_unlikelihood(density, _STRAY, _ROUNDS)) * len(self.points.stokes) / len(points.stokes)
+        variance = (blunter * scale * self.points.scale) ** 2
+        near = _densities(self.points.stokes, variance, places, np.linalg.inv(covariance), height)
+        return float(_unlikelihood(*near, count, _STRAY, _ROUNDS))
 
 
 @njit(cache=True, error_model="numpy")
-def _densities(points: Any, places: Any, inverse: Any, height: Any) -> Any:
-    """Gaussian density of every point (P) around every place of a curve (T)."""
-    density = np.empty((len(points), len(places)), np.float32)
+def _densities(points: Any, variance: Any, places: Any, inverse: Any, height: Any) -> Any:
+    """Gaussian density of P points, each with its variance, around those places of a curve that are near to it.
+
+    Gives where each point's entries begin, shape (P + 1,), and the place and the density of each entry.
+    """
+    first = np.empty(len(points) + 1, np.int64)
+    near, density = np.empty(64 * len(points), np.int32), np.empty(64 * len(points), np.float32)
+    entry = 0
     for p in range(len(points)):
+        first[p] = entry
+        if entry + len(places) > len(near):
+            near = np.concatenate((near, np.empty(len(near) + len(places), np.int32)))
+            density = np.concatenate((density, np.empty(len(density) + len(places), np.float32)))
         for t in range(len(places)):
             x, y = points[p, 0] - places[t, 0], points[p, 1] - places[t, 1]
             square = inverse[t, 0, 0] * x * x + 2 * inverse[t, 0, 1] * x * y + inverse[t, 1, 1] * y * y
-            density[p, t] = height[t] * np.exp(-0.5 * square) / (2 * np.pi) if square < 60 else 0.0
-    return density
+            square /= variance[p]
+            if square < _FAR:
+                near[entry] = t
+                density[entry] = height[t] / variance[p] * np.exp(-0.5 * square)
+                entry += 1
+    first[len(points)] = entry
+    return first, near[:entry], density[:entry]
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _unlikelihood(density: Any, stray: float, rounds: int) -> float:
-    """Negative logarithm of the likelihood of a mixture of T places, after so many rounds for their shares."""
-    count, places = density.shape
+def _unlikelihood(first: Any, near: Any, density: Any, places: int, stray: float, rounds: int) -> float:
+    """Negative logarithm of the likelihood of a mixture of places, after so many rounds for their shares."""
     share = np.full(places, np.float32(1 / places))
     votes = np.empty(places, np.float32)
     total = 0.0
     for r in range(rounds + 1):
         votes[:] = 0
         total = 0.0
-        for p in range(count):
+        for p in range(len(first) - 1):
             whole = np.float32(stray)
-            for t in range(places):
-                whole += density[p, t] * share[t]
+            for entry in range(first[p], first[p + 1]):
+                whole += density[entry] * share[near[entry]]
             total -= np.log(np.float64(whole))
             weight = np.float32(1) / whole
-            for t in range(places):
-                votes[t] += density[p, t] * weight
+            for entry in range(first[p], first[p + 1]):
+                votes[near[entry]] += density[entry] * weight
         if r < rounds:
             share *= votes
             share /= share.sum()
@@ -245,50 +270,6 @@ def _unlikelihood(density: Any, stray: float, rounds: int) -> float:
 
 def _robust_rms(values: Float64Array) -> float:
     return float(1.4826 * np.median(np.abs(values)))
-
-
-def _starts(points: Points, given: Float64Array, unknowns: tuple[int, ...]) -> list[Float64Array]:
-    """The places of a grid whose curves lie nearest to the points, no two of them neighbours."""
-    axes: list[Any] = [np.log(_RATIOS), np.deg2rad(_PHASES_DEG), np.deg2rad(_RETARDATIONS_DEG), np.deg2rad(_AXES_DEG)]
-    if 3 not in unknowns:  # with a known axis the film may delay either of its directions
-        axes[2] = np.concatenate([axes[2], -axes[2][1:]])
-    for i in range(4):
-        if i not in unknowns:
-            axes[i] = given[i : i + 1]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
-    few = points.take(_COARSE_POINTS)
-    theta = np.arange(_COARSE_STEPS) * np.pi / _COARSE_STEPS
-    gratings = np.concatenate([np.exp(grid[:, :1]), grid[:, 1:]], axis=1)
-    _, s1, s2 = relative_stokes(theta, gratings[:, None, :])
-    spread = float(np.sqrt(few.stokes.var(axis=0).sum()))
-    noise = float(np.median(few.scale))
-    chosen: list[Float64Array] = []
-    # A blunt cost leads to wide valleys, a sharp one to narrow ones, as of curves with cusps.
-    for softness, apart in ((max(3 * noise, 0.05 * spread), _BLUNT), (max(noise, 0.01 * spread), _SHARP)):
-        costs = _coarse_costs(s1, s2, few.stokes, 1 / softness**2)
-        goal = len(chosen) + _STARTS // 2
-        for place in grid[np.argsort(costs)]:
-            if all((np.abs(place - other) > apart).any() for other in chosen):
-                chosen.append(place)
-            if len(chosen) == goal:
-                break
-    return [place[list(unknowns)] for place in chosen]
-
-
-@njit(cache=True, error_model="numpy")
-def _coarse_costs(s1: Any, s2: Any, points: Any, sharpness: float) -> Any:
-    costs = np.empty(len(s1))
-    for g in range(len(s1)):
-        cost = 0.0
-        for p in range(len(points)):
-            x, y = points[p, 0], points[p, 1]
-            least = 1e9
-            for t in range(s1.shape[1]):
-                u, v = s1[g, t] - x, s2[g, t] - y
-                least = min(least, u * u + v * v)
-            cost += np.log1p(least * sharpness)
-        costs[g] = cost
-    return costs
 
 
 def _described(problem: _Problem, x: Float64Array, others: list[Float64Array]) -> CurveFit:

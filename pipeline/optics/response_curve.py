@@ -9,7 +9,6 @@ Without a film it is a circle around the origin; a film moves it, bends it, and 
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,7 +76,9 @@ def relative_stokes(
     broadcast against the orientations.
     """
     ratio, phase, film, axis = (
-        np.moveaxis(grating, -1, 0) if isinstance(grating, np.ndarray) else dataclasses.astuple(grating)
+        np.moveaxis(grating, -1, 0)
+        if isinstance(grating, np.ndarray)
+        else (grating.amplitude_ratio, grating.phase_rad, grating.retardation_rad, grating.film_axis_rad)
     )
     whole, first, second = stokes_parameters(
         orientation_rad, amplitude_ratio=ratio, phase_rad=phase, retardation_rad=film, film_axis_rad=axis
@@ -90,14 +91,10 @@ def response_curve(grating: FilmedGrating, count: int = 1024) -> ResponseCurve:
     step = np.pi / count
     orientation = np.arange(count, dtype=np.float64) * step
 
-    def at(theta: Float64Array) -> tuple[Float64Array, Float64Array]:
-        m, s1, s2 = relative_stokes(theta, grating)
-        return m, np.stack([s1, s2], axis=-1)
-
-    brightness, stokes = at(orientation)
     reach = 1e-4
-    slope = (at(orientation + reach)[1] - at(orientation - reach)[1]) / (2 * reach)
-    return ResponseCurve(orientation, stokes, slope, brightness)
+    brightness, first, second = relative_stokes(orientation + np.array([[0.0], [reach], [-reach]]), grating)
+    stokes = np.stack([first, second], axis=-1)
+    return ResponseCurve(orientation, stokes[0], (stokes[1] - stokes[2]) / (2 * reach), brightness[0])
 
 
 class StokesNoise:

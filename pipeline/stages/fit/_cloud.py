@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from pipeline.data import PolarizerSequence
 from pipeline.optics.curve_search import CurveFit, Points, find_curve
-from pipeline.optics.harmonic import harmonic_fit
+from pipeline.optics.harmonic import HarmonicFit, harmonic_fit
 from pipeline.optics.response_curve import DARK, StokesNoise, harmonic_design
 from pipeline.stages.fit._photographs import ground_threshold, nothing_left
 
@@ -19,6 +19,9 @@ Float64Array = NDArray[np.float64]
 
 _SAMPLES = 40_000
 _LEAST_PIXELS = 10
+_ENOUGH_UNIFORM = 0.1
+_UNUSUAL_CHANGE = 4.0
+"""Times the median; noise alone, of four numbers, exceeds it once in a hundred times."""
 _LEAST_GAIN = 1e-9
 _FIRST_GAIN = 1e-4
 
@@ -66,15 +69,41 @@ def curve_of(
 
 
 def _some_pixels(photos: PolarizerSequence, threshold: float | None, count: int) -> tuple[Float64Array, float]:
+    """Photographs (K, P) of about ``count`` pixels, in the midst of their like if there are enough; the least level."""
     step = max(1, int(np.sqrt(photos.valid.size / _SAMPLES)))
-    valid = photos.valid[::step, ::step]
-    values = photos.images[:, ::step, ::step].astype(np.float64)
-    level = np.tensordot(harmonic_fit(photos.polarizer_rad).mean, values, 1)
+    inner = (slice(1, -1, step), slice(1, -1, step))
+    values, valid = photos.images[(..., *inner)].astype(np.float64), photos.valid[inner]
+    fit = harmonic_fit(photos.polarizer_rad)
+    level = np.tensordot(fit.mean, values, 1)
     least = ground_threshold(level, valid) if threshold is None else threshold
-    kept = valid & (level >= least) & (level > 0)
-    if np.count_nonzero(kept) < _LEAST_PIXELS:
+    kept = np.argwhere(valid & (level >= least) & (level > 0)).T
+    if kept.shape[1] < _LEAST_PIXELS:
         raise nothing_left(least)
-    return values[:, kept][:, :: max(1, np.count_nonzero(kept) // count)], float(least)
+    uniform = kept[:, _uniform(photos, fit, kept * step + 1, least)]
+    chosen = uniform if uniform.shape[1] >= max(_LEAST_PIXELS, _ENOUGH_UNIFORM * kept.shape[1]) else kept
+    row, column = chosen[:, :: max(1, chosen.shape[1] // count)]
+    return values[:, row, column], float(least)
+
+
+def _uniform(photos: PolarizerSequence, fit: HarmonicFit, places: NDArray[np.int_], least: float) -> NDArray[np.bool_]:
+    """Which pixels have neighbours to both sides, above and below that differ no more than is usual in the scene.
+
+    Others may mix the light of two orientations, or of a grating and the ground, and then lie off the curve.
+    """
+
+    def stokes(down: int, right: int) -> tuple[Float64Array, NDArray[np.bool_]]:
+        at = (places[0] + down, places[1] + right)
+        values = photos.images[:, at[0], at[1]].astype(np.float64)
+        mean, cosine, sine = np.stack([fit.mean, fit.cosine, fit.sine]) @ values
+        there = photos.valid[at] & (mean >= least) & (mean > 0)
+        return np.stack([cosine, sine]) / np.where(there, mean, 1.0), there
+
+    change, inside = np.zeros(places.shape[1]), np.ones(places.shape[1], np.bool_)
+    for down, right in ((1, 0), (0, 1)):
+        (ahead, there), (behind, here) = stokes(down, right), stokes(-down, -right)
+        change += ((ahead - behind) ** 2).sum(axis=0)
+        inside &= there & here
+    return inside & (change <= _UNUSUAL_CHANGE * np.median(change[inside] if inside.any() else change))
 
 
 def _cloud(values: Float64Array, least: float, polarizer_rad: NDArray[np.floating], gain: float | None) -> Cloud:
