@@ -11,18 +11,22 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from pipeline.bench import Experiment, carry_out, check_writable, plan_of
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
+from pipeline.execution.again import least_seconds
 from pipeline.execution.executors import executor_of
 from pipeline.execution.merge import merge
-from pipeline.execution.outcome import Listener, Silent
+from pipeline.execution.outcome import Listener, Outcome, Silent
 from pipeline.execution.plan import recheck
 from pipeline.graph.catalog import Catalog, Entry
 from pipeline.graph.compose import hydra_ready, opened, readable_errors
 from pipeline.graph.config import groups
+from pipeline.graph.nodes import Node
 from pipeline.graph.selection import forced
+from pipeline.graph.studies import maps_of, tradeoff_of, unknown_figures
 from pipeline.runs import Run, last_keys
 from pipeline.storage.keys import digest
 from pipeline.storage.record import Record
 from pipeline.storage.store import Store
+from pipeline.sweep_results import Point, Sweep
 
 if TYPE_CHECKING:
     from hydra.core.utils import JobReturn
@@ -48,95 +52,6 @@ class Origin(Protocol):
     @property
     def load(self) -> Callable[..., Experiment]:
         """Gives the experiment with overrides on it."""
-
-
-@dataclass(frozen=True)
-class Point:
-    """One run of a sweep.
-
-    Attributes
-    ----------
-    overrides : tuple of str
-        What makes it differ from the others, and what they share.
-    settings : dict of str to str
-        The same by name, as written.
-    run : Run
-        The run.
-    """
-
-    overrides: tuple[str, ...]
-    run: Run
-
-    @property
-    def settings(self) -> dict[str, str]:
-        """Overrides by name."""
-        pairs = (word.lstrip("+").partition("=") for word in self.overrides)
-        return {name: value for name, _, value in pairs}
-
-    @property
-    def seconds(self) -> float:
-        """What computing all its nodes took, whenever that was and whoever shared them."""
-        return sum(node.seconds or 0.0 for node in self.run.nodes.values())
-
-
-@dataclass
-class Sweep:
-    """A sweep: its points as they come, and what was saved by sharing.
-
-    Attributes
-    ----------
-    folder : Path
-        Where table and page lie.
-    command : str
-        The command that runs it again.
-    points : list of Point
-        Runs in the order in which they were proposed.
-    stages_run, stages_found : int
-        Nodes of the merged graphs that were computed, and that the store had.
-    seconds : float
-        Wall time of all.
-    """
-
-    folder: Path
-    command: str
-    points: list[Point] = field(default_factory=list)
-    stages_run: int = 0
-    stages_found: int = 0
-    seconds: float = 0.0
-
-    @property
-    def stages_named(self) -> int:
-        """Nodes that the points name one by one: what as many separate runs without a store would compute."""
-        return sum(sum(bool(node.stage) for node in point.run.nodes.values()) for point in self.points)
-
-    @property
-    def swept(self) -> list[str]:
-        """Settings that differ between points."""
-        names = dict.fromkeys(name for point in self.points for name in point.settings)
-        return [name for name in names if len({point.settings.get(name) for point in self.points}) > 1]
-
-    @property
-    def metrics(self) -> list[str]:
-        """Figures that any point has."""
-        return list(dict.fromkeys(name for point in self.points for name in point.run.metrics))
-
-    @property
-    def failed(self) -> bool:
-        """Whether any point failed."""
-        return any(point.run.failed for point in self.points)
-
-    def table(self) -> list[dict[str, Any]]:
-        """One row a point: settings, metrics, seconds, state and folder."""
-        return [
-            {
-                **{name: point.settings.get(name, "") for name in self.swept},
-                **{name: point.run.metrics.get(name) for name in self.metrics},
-                "seconds": round(point.seconds, 3),
-                "state": "failed" if point.run.failed else "done",
-                "run": str(point.run.path),
-            }
-            for point in self.points
-        ]
 
 
 def sweep(
@@ -187,7 +102,7 @@ def run_sweep(
     Raises
     ------
     InputError, InputErrors
-        Something is wrong with any of the points.
+        Something is wrong with any of the points; or all were computed, and none has a figure that is to be charted.
     """
     from hydra._internal.callbacks import Callbacks
     from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
@@ -223,9 +138,13 @@ def run_sweep(
             sweeper.validate_batch_is_legal = lambda batch: None  # ours checks more
         ours = set(own) | set(search)
         sweeper.sweep(arguments=[str(word) for word in config.hydra.overrides.task if word not in ours])
-    batches.sweep.seconds = time.perf_counter() - start
-    write_sweep(batches.sweep)
-    return batches.sweep
+    batches.time()
+    done = batches.sweep
+    done.seconds = time.perf_counter() - start
+    write_sweep(done)
+    if done.metrics and (unknown := unknown_figures(done.tradeoff, done.maps, done.metrics)):
+        raise InputErrors(unknown)
+    return done
 
 
 @dataclass
@@ -238,6 +157,7 @@ class _Batches:
     log: Callable[[str], None]
     sweep: Sweep
     objective: tuple[str, ...] = ()
+    experiments: list[Experiment] = field(default_factory=list)
 
     def __call__(self, config: Any) -> Any:
         raise NotImplementedError("points are run in batches")
@@ -289,7 +209,29 @@ class _Batches:
         self.sweep.stages_run += sum(outcome.status == "ran" for outcome in outcomes.values())
         self.sweep.stages_found += sum(outcome.status == "cached" for outcome in outcomes.values())
         self.sweep.points += [Point(tuple(words), run) for words, run in zip(jobs, runs, strict=True)]
+        self.experiments += experiments
         return runs
+
+    def time(self) -> None:
+        """Carry out each recipe of the trade-off's node again, alone, and keep the seconds."""
+        wanted = self.sweep.tradeoff
+        if wanted is None:
+            return
+        recipes: dict[str, tuple[Node, dict[str, str]]] = {}
+        for experiment, point in zip(self.experiments, self.sweep.points, strict=True):
+            can_run = point.run.has(wanted.node) and wanted.node not in experiment.taken
+            if can_run and wanted.error in point.run.metrics:
+                node = experiment.graph.nodes[wanted.node]
+                artifacts = {name: point.run.nodes[name].artifact for name in node.upstream()}
+                recipes.setdefault(point.run.nodes[wanted.node].key, (node, artifacts))
+        name = f"timing {wanted.node}"
+        self.log(f"{name}: {len(recipes)} recipes, each alone and {wanted.repeats} times after one that does not count")
+        self.listener.started(name)
+        with self.experiments[0].store.in_use():
+            for done, (key, (node, artifacts)) in enumerate(recipes.items()):
+                self.listener.advanced(name, done, len(recipes))
+                self.sweep.timed[key] = least_seconds(node, artifacts, self.experiments[0].store, wanted.repeats)
+        self.listener.ended(Outcome(name, "cached"))
 
     def _experiments(self, jobs: Sequence[Sequence[str]]) -> list[Experiment]:
         """All points composed and checked; everything that is wrong with any of them is told at once."""
@@ -303,12 +245,29 @@ class _Batches:
                 problems.append(error.at(place))
             except InputErrors as several:
                 problems += [error.at(place) for error in several.errors]
+        if found:
+            problems += self._charts(jobs, found)
         stores = {experiment.store.location for experiment in found}
         if len(stores) > 1:
             problems.append(InputError("a sweep has one store", where="paths.store", expected="one value"))
         if problems:
             raise InputErrors(problems)
         return found
+
+    def _charts(self, jobs: Sequence[Sequence[str]], experiments: Sequence[Experiment]) -> list[InputError]:
+        """Read what the page shall chart; what is wrong with it is found before anything runs."""
+        written = experiments[0].configuration
+        swept = {word.lstrip("+").partition("=")[0] for words in jobs for word in words}
+        problems: list[InputError] = []
+        try:
+            self.sweep.tradeoff = tradeoff_of(written, swept, [experiment.graph for experiment in experiments])
+        except InputErrors as several:
+            problems += several.errors
+        try:
+            self.sweep.maps = maps_of(written, swept)
+        except InputErrors as several:
+            problems += several.errors
+        return problems
 
 
 def _objectives(written: Any) -> tuple[str, ...]:
@@ -405,11 +364,3 @@ def _command(words: Sequence[str], folders: Sequence[Path], origin: Origin | Non
     if origin is not None:
         words = [*origin.words, *(word.removeprefix("++") for word in words)]
     return shlex.join(["python", "-m", "pipeline", "-m", *places, *words])
-
-
-def numbers(points: Sequence[Point], name: str) -> list[float] | None:
-    """A setting's values as numbers, or None where any is none."""
-    try:
-        return [float(point.settings[name]) for point in points]
-    except (KeyError, ValueError):
-        return None

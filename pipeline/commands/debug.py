@@ -10,8 +10,7 @@ from typing import Any
 
 from pipeline.bench import Experiment
 from pipeline.errors import InputError, nearest
-from pipeline.execution.plan import inputs_of
-from pipeline.execution.workbench import call_stage, input_values
+from pipeline.execution.again import call_again
 from pipeline.graph.compose import recomposed
 from pipeline.runs import MANIFEST, open_run
 
@@ -52,11 +51,11 @@ def debug(path: Path, name: str, debugger: Callable[[Any], None] | None = None) 
             hint=f"python -m pipeline debug {path} {missing[0]}",
         )
     artifacts = {upstream: run.node(upstream).artifact for upstream in node.upstream()}
-    values = input_values(run.store, inputs_of(node, artifacts))
+    call = call_again(node, artifacts, run.store)
     print(f"{name}: {node.entry.name} of {path}")
     print(json.dumps(dict(node_run.settings), indent=1))
     try:
-        value = call_stage(node, values)
+        value = call()
     except Exception as error:
         traceback.print_exc()
         (debugger or _post_mortem)(error.__traceback__)

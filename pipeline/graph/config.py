@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import yaml
 
-LOCAL_SECTIONS = ("paths", "executor", "recapture", "from", "force", "objective")
-"""Sections that say where and how one machine carries out an experiment, and nothing of what comes out."""
+LOCAL_SECTIONS = ("paths", "executor", "recapture", "from", "force", "objective", "tradeoff", "maps")
+"""Sections that say where and how one machine carries out an experiment and charts a sweep, not what comes out."""
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from typing import Any
 from pipeline.errors import InputError, nearest
 from pipeline.graph.config import Configuration, configs_folder, groups, option_file, options, shown
 
-OPEN_SECTIONS = ("graph", "rig", "executor")
-"""Sections whose settings are checked against signatures, so that an override may name one that no YAML writes."""
+OPEN_SECTIONS = ("graph", "rig", "executor", "tradeoff", "maps")
+"""Sections whose settings are checked afterwards, so that an override may name one that no YAML writes."""
 
 FURTHER_RIG = "_rig"
 """End of the names of the sections in which an experiment keeps rigs besides its own."""
@@ -28,6 +28,8 @@ SECTIONS = (
     "from",
     "force",
     "objective",
+    "tradeoff",
+    "maps",
 )
 """What may stand at the top of a configuration, besides what others refer to."""
 

@@ -12,7 +12,12 @@ from typing import Any, Protocol
 from jinja2 import Environment, PackageLoader
 from markupsafe import Markup
 
+from pipeline.graph.studies import Maps, Tradeoff
+from pipeline.parallel import cores
+from pipeline.report.charts import CROWDED, as_svg, chart_style, figure_label, numbers, places, short
+from pipeline.report.heat_maps import heat_maps
 from pipeline.report.naming import duration, labelled
+from pipeline.report.tradeoff_chart import front, on_the_chart, tradeoff_chart
 from pipeline.storage.files import write_text
 
 PANEL_INCHES = (3.0, 2.3)
@@ -20,18 +25,20 @@ MOST_METRICS = 24
 FEW_LINES, MOST_LINES = 6, 16
 """Lines whose names fit into a panel, and beside the first panel of a column."""
 LEGEND_INCHES = 1.3
-CROWDED = 36
-"""Characters of an axis's names beyond which they are turned."""
+FIGURES_OF_TEXT = 6
+"""Figures of merit in the table for a terminal."""
 
 
 class SweepView(Protocol):
-    """What the page asks of a sweep; see :class:`pipeline.sweeps.Sweep`."""
+    """What the page asks of a sweep; see :class:`pipeline.sweep_results.Sweep`."""
 
     folder: Path
     command: str
     stages_run: int
     stages_found: int
     seconds: float
+    tradeoff: Tradeoff | None
+    maps: Maps | None
 
     @property
     def stages_named(self) -> int:
@@ -40,6 +47,10 @@ class SweepView(Protocol):
     @property
     def swept(self) -> list[str]:
         """Settings that differ between points."""
+
+    @property
+    def columns(self) -> list[str]:
+        """Settings that the table has."""
 
     @property
     def metrics(self) -> list[str]:
@@ -53,7 +64,7 @@ def write_sweep(sweep: SweepView) -> None:
     """Write ``table.csv``, ``table.txt`` and ``report.html`` into the sweep's folder."""
     rows = sweep.table()
     write_text(sweep.folder / "table.csv", _csv(rows))
-    write_text(sweep.folder / "table.txt", _text(rows, sweep.swept, sweep.metrics))
+    write_text(sweep.folder / "table.txt", _text(rows, sweep))
     write_text(sweep.folder / "report.html", _page(sweep, rows))
 
 
@@ -65,10 +76,12 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
     return text.getvalue()
 
 
-def _text(rows: Sequence[Mapping[str, Any]], swept: Sequence[str], metrics: Sequence[str]) -> str:
-    """The table for a terminal: settings, a few figures, seconds."""
-    columns = [*swept, *metrics[:6], "seconds", "state"]
-    head = [name.rpartition(".")[2] if name in swept else name for name in columns]
+def _text(rows: Sequence[Mapping[str, Any]], sweep: SweepView) -> str:
+    """The table for a terminal: settings, a few figures, place in the trade-off, seconds."""
+    wanted = sweep.tradeoff
+    figures = sorted(sweep.metrics, key=lambda name: wanted is None or name != wanted.error)[:FIGURES_OF_TEXT]
+    columns = [*sweep.columns, *figures, *([wanted.seconds, "pareto"] if wanted else []), "seconds", "state"]
+    head = [short(name) if name in sweep.columns else name for name in columns]
     body = [[_cell(row[name]) for name in columns] for row in rows]
     widths = [max(len(line[i]) for line in [head, *body]) for i in range(len(columns))]
     return "\n".join("  ".join(word.rjust(w) for word, w in zip(line, widths, strict=True)) for line in [head, *body])
@@ -84,19 +97,44 @@ def _page(sweep: SweepView, rows: Sequence[Mapping[str, Any]]) -> str:
         sweep=sweep,
         rows=rows,
         metrics=heads,
-        chart=Markup(_chart(rows, sweep.swept, metrics[:MOST_METRICS])) if sweep.swept and metrics else "",
+        chart=_chart(rows, sweep.swept, metrics[:MOST_METRICS]) if sweep.swept and metrics else "",
         left_out=metrics[MOST_METRICS:],
+        tradeoff=_tradeoff(sweep, rows),
+        maps=_maps(sweep, rows, metrics),
         cell=_cell,
         duration=duration,
     )
 
 
-def _chart(rows: Sequence[Mapping[str, Any]], swept: Sequence[str], metrics: Sequence[str]) -> str:
+def _tradeoff(sweep: SweepView, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+    """What the page says of accuracy against speed."""
+    wanted = sweep.tradeoff
+    if wanted is None:
+        return None
+    return {
+        "chart": tradeoff_chart(rows, sweep.swept, wanted),
+        "front": front(rows, wanted),
+        "missing": len(rows) - len(on_the_chart(rows)),
+        "error": figure_label(wanted.error),
+        "cores": cores(),
+    }
+
+
+def _maps(sweep: SweepView, rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tuple[str, Markup]]:
+    """Each figure of merit that is mapped, in words, and its maps."""
+    wanted = sweep.maps
+    if wanted is None:
+        return []
+    return [
+        (figure_label(name), heat_maps(rows, sweep.swept, wanted, name)) for name in wanted.metrics if name in metrics
+    ]
+
+
+def _chart(rows: Sequence[Mapping[str, Any]], swept: Sequence[str], metrics: Sequence[str]) -> Markup:
     """Panels: a row for each figure of merit, a column for each setting; points joined where only that one varies."""
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    with rc_context({"font.size": 8, "svg.fonttype": "none", "axes.spines.top": False, "axes.spines.right": False}):
+    with chart_style():
         beside = sum(FEW_LINES < _lines_over(rows, setting, swept) <= MOST_LINES for setting in swept)
         size = (PANEL_INCHES[0] * len(swept) + 0.5 + LEGEND_INCHES * beside, PANEL_INCHES[1] * len(metrics))
         figure = Figure(figsize=size, layout="constrained")
@@ -104,14 +142,10 @@ def _chart(rows: Sequence[Mapping[str, Any]], swept: Sequence[str], metrics: Seq
         for i, metric in enumerate(metrics):
             for j, setting in enumerate(swept):
                 _panel(axes[i][j], rows, setting, metric, swept, first=i == 0)
-            label = labelled(metric, 0.0)
-            text = f"{label.label} ({label.unit})" if label.unit else label.label
-            axes[i][0].set_ylabel("\n".join(wrap(text, 26)))
+            axes[i][0].set_ylabel("\n".join(wrap(figure_label(metric), 26)))
         for j, setting in enumerate(swept):
             axes[-1][j].set_xlabel(setting)
-        drawn = io.StringIO()
-        figure.savefig(drawn, format="svg", transparent=True, metadata={"Date": None})
-    return drawn.getvalue()[drawn.getvalue().index("<svg") :]
+        return as_svg(figure)
 
 
 def _lines_over(rows: Sequence[Mapping[str, Any]], setting: str, swept: Sequence[str]) -> int:
@@ -124,41 +158,27 @@ def _panel(
     from matplotlib import colormaps
 
     known = [row for row in rows if row[metric] is not None]
-    places = _places([row[setting] for row in rows])
+    place = places([row[setting] for row in rows])
     lines: dict[tuple[Any, ...], list[tuple[float, float]]] = {}
     for row in known:
         others = tuple(row[name] for name in swept if name != setting)
-        lines.setdefault(others, []).append((places[row[setting]], row[metric]))
+        lines.setdefault(others, []).append((place[row[setting]], row[metric]))
     if len(lines) > 10:
         axes.set_prop_cycle(color=colormaps["tab20"](range(20)))
     for others, points in lines.items():
         points.sort()
         axes.plot(*zip(*points, strict=True), "o-", markersize=3.5, linewidth=0.9, label=", ".join(map(str, others)))
-    if _numbers(list(places)) is None or len(places) <= 8:
-        axes.set_xticks(list(places.values()), [str(value) for value in places])
-        if len("".join(places)) > CROWDED:
+    if numbers(list(place)) is None or len(place) <= 8:
+        axes.set_xticks(list(place.values()), [str(value) for value in place])
+        if len("".join(place)) > CROWDED:
             axes.tick_params("x", labelrotation=90)
     axes.margins(x=0.08)
     axes.tick_params(labelbottom=True)
-    title = ", ".join(n.rpartition(".")[2] for n in swept if n != setting)
+    title = ", ".join(short(name) for name in swept if name != setting)
     if 1 < len(lines) <= FEW_LINES and len(swept) > 1:
         axes.legend(frameon=False, fontsize=6, title=title)
     elif first and FEW_LINES < len(lines) <= MOST_LINES:
         axes.legend(frameon=False, fontsize=6, title=title, loc="upper left", bbox_to_anchor=(1, 1))
-
-
-def _places(values: Sequence[str]) -> dict[str, float]:
-    """Where on an axis values stand: as numbers if they all are, else one after the other."""
-    distinct = list(dict.fromkeys(values))
-    found = _numbers(distinct)
-    return dict(zip(distinct, found or [float(i) for i in range(len(distinct))], strict=True))
-
-
-def _numbers(values: Sequence[str]) -> list[float] | None:
-    try:
-        return [float(value) for value in values]
-    except ValueError:
-        return None
 
 
 def _cell(value: Any) -> str:
