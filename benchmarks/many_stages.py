@@ -7,6 +7,10 @@ computed. Each size runs in a process of its own, which has imported everything,
 executor of threads. ``composing`` is YAML to one configuration, ``checking`` every name, type and edge, ``planning``
 keys and what the store holds, ``running`` everything from there to the last record, stages included, ``manifest`` the
 run's folder without the report. ``again`` is the same with nothing to do: what composing gave is remembered by then.
+
+An ext4 file system without a journal shuns the inodes of files deleted within the last minutes, and searches past all
+of them for each new file: after a test suite, or after this benchmark itself, wait five minutes or let ``TMPDIR`` point
+to another file system.
 """
 
 from __future__ import annotations
