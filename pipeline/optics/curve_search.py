@@ -28,7 +28,7 @@ _HIGH = np.array([np.log(2.0), np.pi, np.pi / 2, np.inf])
 _EXPECTED = np.array([0.0, np.pi / 2, 0.0, 0.0])
 _PRIOR = np.array([0.3, np.pi / 2, np.pi / 4, np.pi / 2])
 """Standard deviations about ``_EXPECTED`` of what is usual: they decide what the points leave open, no more."""
-_STARTS, _MIDDLE_POINTS, _FINAL = 24, 400, 4
+_STARTS, _MIDDLE_POINTS, _FINE_POINTS, _FINAL = 24, 400, 4000, 4
 _STEPS = 720
 _ROBUST = 2.0
 _FINEST = 0.1
@@ -103,10 +103,12 @@ def find_curve(points: Points, known: dict[str, float]) -> CurveFit:
         return _described(problem, np.zeros(0), [])
     begin = starts(points.stokes, float(np.median(points.scale)), given, _STARTS)
     rough = _Problem(points.take(_MIDDLE_POINTS), given, unknowns)
-    fine = _Problem(points, given, unknowns)
+    fine = _Problem(points.take(_FINE_POINTS), given, unknowns)
     refined = fine.ranked([rough.descend(start[list(unknowns)], tolerance=1e-4) for start in begin])
-    final = fine.ranked([fine.descend(x, times=2) for _, x in refined[:_FINAL]])
-    return _described(fine, final[0][1], [x for cost, x in final[1:] if cost - final[0][0] < _UNDECIDED])
+    final = fine.ranked([fine.descend(x, times=2) for _, x in refined[:_FINAL]], evident=True)
+    rivals = [x for cost, x in final[1:] if cost - final[0][0] < _UNDECIDED]
+    whole = _Problem(points, given, unknowns)
+    return _described(whole, whole.descend(final[0][1], times=2), rivals)
 
 
 _UNDECIDED = 12.0
@@ -120,6 +122,7 @@ class _Problem:
         self.points, self.given, self.unknowns = points, given, unknowns
         self.noise = StokesNoise(points.polarizer_rad, points.photo_weights)
         self.scale = 1.0
+        self.frozen: Float64Array | None = None
 
     def grating(self, x: Float64Array) -> FilmedGrating:
         whole = self.given.copy()
@@ -129,23 +132,29 @@ class _Problem:
     def curve(self, x: Float64Array) -> ResponseCurve:
         return response_curve(self.grating(x), _STEPS)
 
-    def distances(self, x: Float64Array) -> tuple[Float64Array, NDArray[np.int_], Float64Array]:
-        """Signed distance of every point, its nearest place on the curve, and the direction it is measured along."""
+    def distances(
+        self, x: Float64Array, noise: Float64Array | None = None
+    ) -> tuple[Float64Array, NDArray[np.int_], Float64Array]:
+        """Signed distance of every point, its nearest place on the curve, and the direction it is measured along.
+
+        ``noise`` is the covariance of every point, shape (P, 2, 2); None for that of its nearest place.
+        """
         curve = self.curve(x)
         nearest = cKDTree(curve.stokes).query(self.points.stokes)[1]
-        normal = np.stack([-curve.slope[:, 1], curve.slope[:, 0]], axis=1)
-        noise = self.noise.covariance(curve.stokes)
-        width = np.sqrt((normal[:, None, :] @ noise @ normal[:, :, None])[:, 0, 0])
-        along = (normal / np.maximum(width, 1e-12)[:, None])[nearest] / self.points.scale[:, None]
+        normal = np.stack([-curve.slope[:, 1], curve.slope[:, 0]], axis=1)[nearest]
+        if noise is None:
+            noise = self.noise.covariance(curve.stokes)[nearest]
+        width = np.sqrt(np.einsum("pa,pab,pb->p", normal, noise, normal))
+        along = normal / np.maximum(width * self.points.scale, 1e-12)[:, None]
         return ((self.points.stokes - curve.stokes[nearest]) * along).sum(axis=1), nearest, along
 
     def residuals(self, x: Float64Array) -> Float64Array:
         unlikely = (x - _EXPECTED[list(self.unknowns)]) / _PRIOR[list(self.unknowns)]
-        return np.concatenate([self.distances(x)[0] / self.scale, unlikely])
+        return np.concatenate([self.distances(x, self.frozen)[0] / self.scale, unlikely])
 
     def jacobian(self, x: Float64Array) -> Float64Array:
         """Of the residuals; where on the curve the nearest place lies does not change a distance to first order."""
-        _, nearest, along = self.distances(x)
+        _, nearest, along = self.distances(x, self.frozen)
         columns = -(self.changes(x)[:, nearest] * along).sum(axis=2).T / self.scale
         return np.concatenate([columns, np.diag(1 / _PRIOR[list(self.unknowns)])])
 
@@ -161,11 +170,17 @@ class _Problem:
         return (ahead - behind) / 2e-5
 
     def descend(self, start: Float64Array, times: int = 1, tolerance: float = 1e-8) -> Float64Array:
-        """The minimum below a start; the scale of the residuals is what they turn out to be."""
+        """The minimum below a start; the scale of the residuals is what they turn out to be.
+
+        A descent takes every point's noise from the curve that it starts from: one that took it from where it goes
+        would seek places of much noise.
+        """
         low, high = _LOW[list(self.unknowns)], _HIGH[list(self.unknowns)]
         x = np.clip(start, low + 1e-9, high - 1e-9)
         for _ in range(times):
-            self.scale = max(1.0, _robust_rms(self.distances(x)[0]))
+            distances, nearest, _ = self.distances(x)
+            self.scale = max(1.0, _robust_rms(distances))
+            self.frozen = self.noise.covariance(self.curve(x).stokes)[nearest]
             found = least_squares(
                 self.residuals,
                 x,
@@ -184,18 +199,38 @@ class _Problem:
             x[-1] %= np.pi
         return x
 
-    def ranked(self, places: list[Float64Array]) -> list[tuple[float, Float64Array]]:
+    def ranked(self, places: list[Float64Array], *, evident: bool = False) -> list[tuple[float, Float64Array]]:
         """Places, each once, by how unlikely they make the points, the least first.
 
         Distances alone would prefer a curve that winds through the whole cloud and so comes near to every point. How
-        common each orientation is is unknown, and is found by expectation maximisation.
+        common each orientation is is unknown, and is found by expectation maximisation. With ``evident``, places count
+        for as much as is found around them (Laplace's approximation of the evidence): a curve that fits only if its
+        unknowns have very special values is less believable than one that fits for many.
         """
         kept: list[Float64Array] = []
         for x in places:
             if all((np.abs(x - other) > _APART[list(self.unknowns)]).any() for other in kept):
                 kept.append(x)
         scale = max(1.0, min(_robust_rms(self.distances(x)[0]) for x in kept))
-        return sorted(((self.unlikelihood(x, scale), x) for x in kept), key=lambda pair: pair[0])
+        costs = [self.unlikelihood(x, scale) + (self.surprise(x) if evident else 0.0) for x in kept]
+        return sorted(zip(costs, kept, strict=True), key=lambda pair: pair[0])
+
+    def surprise(self, x: Float64Array) -> float:
+        """Negative logarithm of the share of what is usual that lies around a minimum."""
+        usual = _PRIOR[list(self.unknowns)]
+        away = (x - _EXPECTED[list(self.unknowns)]) / usual
+        spread = self.covariance(x) / usual / usual[:, None]
+        return float((away**2).sum() - np.linalg.slogdet(spread)[1]) / 2
+
+    def covariance(self, x: Float64Array) -> Float64Array:
+        """Of the unknowns at a minimum, the points weighed as its robust cost does."""
+        distances, nearest, _ = self.distances(x)
+        self.frozen = self.noise.covariance(self.curve(x).stokes)[nearest]
+        self.scale = max(1.0, _robust_rms(distances))
+        jacobian = self.jacobian(x)
+        weights = np.ones(len(jacobian))
+        weights[: len(distances)] = 1 / (1 + (distances / self.scale / _ROBUST) ** 2)
+        return np.asarray(np.linalg.inv(jacobian.T @ (jacobian * weights[:, None])), np.float64)
 
     def unlikelihood(self, x: Float64Array, scale: float) -> float:
         """Negative logarithm of the points' likelihood, the shares of all orientations being those that fit best.
@@ -273,15 +308,7 @@ def _robust_rms(values: Float64Array) -> float:
 
 
 def _described(problem: _Problem, x: Float64Array, others: list[Float64Array]) -> CurveFit:
-    distances = problem.distances(x)[0]
-    misfit = _robust_rms(distances)
-    problem.scale = max(1.0, misfit)
-    covariance = np.zeros((len(x), len(x)))
-    if len(x):
-        jacobian = problem.jacobian(x)
-        weights = np.ones(len(jacobian))
-        weights[: len(distances)] = 1 / (1 + (distances / problem.scale / _ROBUST) ** 2)
-        covariance[:] = np.linalg.inv(jacobian.T @ (jacobian * weights[:, None]))
+    covariance = problem.covariance(x) if len(x) else np.zeros((0, 0))
     deviation = np.zeros(4)
     deviation[list(problem.unknowns)] = np.sqrt(np.diag(covariance))
     grating = problem.grating(x)
@@ -291,7 +318,7 @@ def _described(problem: _Problem, x: Float64Array, others: list[Float64Array]) -
         FilmedGrating(*(float(v) for v in deviation)),
         covariance,
         problem.unknowns,
-        misfit,
+        _robust_rms(problem.distances(x)[0]),
         tuple(problem.grating(other) for other in others),
     )
 

@@ -19,6 +19,8 @@ Float64Array = NDArray[np.float64]
 
 _SAMPLES = 40_000
 _LEAST_PIXELS = 10
+_REACH = 2
+"""Pixels over which a lens blurs an edge, at most."""
 _ENOUGH_UNIFORM = 0.1
 _UNUSUAL_CHANGE = 4.0
 """Times the median; noise alone, of four numbers, exceeds it once in a hundred times."""
@@ -71,7 +73,7 @@ def curve_of(
 def _some_pixels(photos: PolarizerSequence, threshold: float | None, count: int) -> tuple[Float64Array, float]:
     """Photographs (K, P) of about ``count`` pixels, in the midst of their like if there are enough; the least level."""
     step = max(1, int(np.sqrt(photos.valid.size / _SAMPLES)))
-    inner = (slice(1, -1, step), slice(1, -1, step))
+    inner = (slice(_REACH, -_REACH, step), slice(_REACH, -_REACH, step))
     values, valid = photos.images[(..., *inner)].astype(np.float64), photos.valid[inner]
     fit = harmonic_fit(photos.polarizer_rad)
     level = np.tensordot(fit.mean, values, 1)
@@ -79,14 +81,22 @@ def _some_pixels(photos: PolarizerSequence, threshold: float | None, count: int)
     kept = np.argwhere(valid & (level >= least) & (level > 0)).T
     if kept.shape[1] < _LEAST_PIXELS:
         raise nothing_left(least)
-    uniform = kept[:, _uniform(photos, fit, kept * step + 1, least)]
-    chosen = uniform if uniform.shape[1] >= max(_LEAST_PIXELS, _ENOUGH_UNIFORM * kept.shape[1]) else kept
+    chosen = kept
+    for reach in range(_REACH, 0, -1):
+        uniform = kept[:, _uniform(photos, fit, kept * step + _REACH, least, reach)]
+        if uniform.shape[1] >= max(_LEAST_PIXELS, _ENOUGH_UNIFORM * kept.shape[1]):
+            chosen = uniform
+            break
     row, column = chosen[:, :: max(1, chosen.shape[1] // count)]
     return values[:, row, column], float(least)
 
 
-def _uniform(photos: PolarizerSequence, fit: HarmonicFit, places: NDArray[np.int_], least: float) -> NDArray[np.bool_]:
-    """Which pixels have neighbours to both sides, above and below that differ no more than is usual in the scene.
+def _uniform(
+    photos: PolarizerSequence, fit: HarmonicFit, places: NDArray[np.int_], least: float, reach: int
+) -> NDArray[np.bool_]:
+    """Which pixels have like neighbours to both sides, above and below, at a distance of ``reach``.
+
+    Alike are those that differ no more than is usual in the scene.
 
     Others may mix the light of two orientations, or of a grating and the ground, and then lie off the curve.
     """
@@ -99,7 +109,7 @@ def _uniform(photos: PolarizerSequence, fit: HarmonicFit, places: NDArray[np.int
         return np.stack([cosine, sine]) / np.where(there, mean, 1.0), there
 
     change, inside = np.zeros(places.shape[1]), np.ones(places.shape[1], np.bool_)
-    for down, right in ((1, 0), (0, 1)):
+    for down, right in ((reach, 0), (0, reach)):
         (ahead, there), (behind, here) = stokes(down, right), stokes(-down, -right)
         change += ((ahead - behind) ** 2).sum(axis=0)
         inside &= there & here

@@ -40,7 +40,7 @@ def auto(
     accuracy_deg: float = 1.0,
     film_axis_deg: float | None = 0.0,
     threshold: float | None = None,
-    points: int = 4000,
+    points: int = 16000,
 ) -> OrientationMap:
     """Estimate orientations by the simplest method that is accurate enough for this scene.
 

@@ -44,8 +44,8 @@ def jones(
     retardation_deg: float | None = None,
     film_axis_deg: float | None = 0.0,
     threshold: float | None = None,
-    points: int = 4000,
-    absolute_within_deg: float = 2.0,
+    points: int = 16000,
+    absolute_within_deg: float = 0.5,
 ) -> OrientationMap:
     """Find the curve on which the sample's polarisation lies, and read every pixel's orientation off it.
 
