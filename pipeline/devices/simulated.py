@@ -80,6 +80,8 @@ class Camera:
         Standard deviation of the lens' point spread function on the sample.
     shift_px : float
         Standard deviation, per axis, of the displacement of each photo after the first.
+    turn_deg : float
+        Standard deviation of the angle by which each photo after the first is turned about its centre.
     exposure_s : float
         Stated exposure time.
     seed : int
@@ -97,6 +99,7 @@ class Camera:
         bits: int | None = 14,
         blur_mm: float = 0.012,
         shift_px: float = 0.5,
+        turn_deg: float = 0.0,
         exposure_s: float = 0.25,
         seed: int = 0,
     ) -> None:
@@ -108,9 +111,11 @@ class Camera:
         self.bits = bits
         self.blur_mm = blur_mm
         self.shift_px = shift_px
+        self.turn_deg = turn_deg
         self.exposure_s = exposure_s
         self.seed = seed
         self.shifts_px: list[tuple[float, float]] = []
+        self.turns_rad: list[float] = []
         self._view: View | None = None
         self._scene_pixel_mm = pixel_mm
 
@@ -127,7 +132,7 @@ class Camera:
             above_zero_up_to(LARGEST_WELL, full_well_electrons=self.full_well_electrons, electrons=self.electrons),
             above_zero(exposure_s=self.exposure_s),
             zero_or_more(read_noise_electrons=self.read_noise_electrons, blur_mm=self.blur_mm),
-            zero_or_more(shift_px=self.shift_px, seed=self.seed),
+            zero_or_more(shift_px=self.shift_px, turn_deg=self.turn_deg, seed=self.seed),
             within(1, DEEPEST_BITS, bits=self.bits),
         )
 
@@ -141,7 +146,7 @@ class Camera:
         """
         sample_pixels_across(self.pixel_mm, scene_pixel_mm)
         self._view, self._scene_pixel_mm = view, scene_pixel_mm
-        self.shifts_px = []
+        self.shifts_px, self.turns_rad = [], []
 
     def expose(self) -> Photo:
         """Photograph the scene as it is now.
@@ -156,12 +161,18 @@ class Camera:
         index = len(self.shifts_px)
         rng = np.random.default_rng([self.seed, index])
         by_hand = rng.normal(0.0, self.shift_px, 2) if index and self.shift_px > 0 else np.zeros(2)
+        turn = float(rng.normal(0.0, np.deg2rad(self.turn_deg))) if index and self.turn_deg > 0 else 0.0
         self.shifts_px.append((float(by_hand[0]), float(by_hand[1])))
+        self.turns_rad.append(turn)
         ratio = round(self.pixel_mm / self._scene_pixel_mm)
+        radiance = self._view()
+        if turn:  # about the photo's centre, to which leftover points of the scene do not count
+            radiance = radiance[: len(radiance) // ratio * ratio, : radiance.shape[1] // ratio * ratio]
         scene = seen_by_lens(
-            self._view(),
+            radiance,
             blur_px=self.blur_mm / self._scene_pixel_mm,
             shift_px=(float(by_hand[0]) * ratio, float(by_hand[1]) * ratio),
+            turn_rad=turn,
         )
         image, saturated = sensor_signal(
             area_average(scene, ratio) * np.float32(self.electrons / self.full_well_electrons),

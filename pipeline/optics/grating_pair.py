@@ -13,7 +13,7 @@ from pipeline.optics.angles import axial_difference, axial_median, wrap_axial
 from pipeline.optics.deviation import Deviation, calibrated, deviation
 from pipeline.optics.regions import eroded, grown, joined
 from pipeline.optics.rigid import RigidMotion
-from pipeline.optics.superposition import resampled
+from pipeline.optics.rigid_sampling import resampled
 
 Float32Array = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]

@@ -7,6 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.optics.photons import photon_counts
+from pipeline.optics.rigid import RigidMotion
+from pipeline.optics.rigid_sampling import resampled, sample_rigid
+from pipeline.optics.spline import quintic_coefficients
 
 Image = NDArray[np.float32]
 
@@ -14,20 +17,43 @@ FINEST_PITCH_MM = 0.00038
 """The shortest visible wavelength: no lens in air resolves less."""
 
 
-def seen_by_lens(scene: Image, *, blur_px: float, shift_px: tuple[float, float] = (0.0, 0.0)) -> Image:
-    """Blur a finely sampled scene by a Gaussian lens, and displace it by a fraction of its pixels.
+def seen_by_lens(
+    scene: Image, *, blur_px: float, shift_px: tuple[float, float] = (0.0, 0.0), turn_rad: float = 0.0
+) -> Image:
+    """Blur a finely sampled scene by a Gaussian lens, turn it about its centre and displace it.
 
     Parameters
     ----------
     scene : ndarray of shape (M, N) or (M, N, 3)
-        Radiance on a grid finer than the blur.
+        Radiance on a grid finer than the blur; a scene that is turned has one channel.
     blur_px : float
         Standard deviation of the point spread function in pixels of the scene.
     shift_px : tuple of float
         Displacement down and to the right, in pixels of the scene.
+    turn_rad : float
+        Turn before the displacement, anticlockwise in the displayed picture.
     """
+    if turn_rad:
+        return _turned(scene, blur_px, shift_px, turn_rad)
     down, right = (_displaced_gaussian(blur_px, shift) for shift in shift_px)
     return cv2.sepFilter2D(np.ascontiguousarray(scene), cv2.CV_32F, right, down, borderType=cv2.BORDER_REPLICATE)
+
+
+def _turned(scene: Image, blur_px: float, shift_px: tuple[float, float], turn_rad: float) -> Image:
+    """Blur, which no turn changes, then one interpolation: what is seen at q comes from where the way back leads.
+
+    The quintic spline does nothing to what a lens has blurred by a pixel; on sharp steps it would ring, so there the
+    interpolation is linear.
+    """
+    margin = int(np.ceil(max(map(abs, shift_px)) + 0.5 * np.hypot(*scene.shape) * abs(turn_rad))) + 3
+    padded = np.pad(scene, margin, mode="edge")
+    blurred = seen_by_lens(padded, blur_px=blur_px)
+    back = RigidMotion(turn_rad, shift_px).inverse
+    if blur_px >= 1:
+        moved = sample_rigid(quintic_coefficients(blurred), back)
+    else:
+        moved = resampled(blurred, back, blurred.shape, order=1)
+    return moved[margin:-margin, margin:-margin]
 
 
 def _displaced_gaussian(sigma_px: float, shift_px: float) -> NDArray[np.float32]:

@@ -1,234 +1,257 @@
-"""Shifts between photographs whose contrasts change while their edges stay.
+"""Motions between photographs whose contrasts change while their edges stay.
 
 Turning a polariser brightens one facet and darkens its neighbour, so the photographs of a sequence differ by more than
-noise and a shift, and may be each other's negatives. In a patch that holds one edge, though, every photograph is one
-pattern times a contrast plus a brightness, ``y_k = a_k + b_k E(x - d_k)``, with any sign of the contrast. The pattern
-of each patch is the first principal component over the photographs; the shift of each photograph is what all patches
-agree on. A patch that does not follow this model (corners of three facets, moving fringes) betrays itself by its
-residual and loses weight.
+noise and a motion, and may be each other's negatives; where the orientation of the gratings changes continuously, the
+picture even seems to turn with the polariser. What stays is where the edges are. Small patches around them
+(:mod:`pipeline.optics.edge_patches`) each say along which direction every photograph is off; the motions are those
+that all patches agree on. A patch that does not follow the model of one pattern (corners of three facets, moving
+fringes) betrays itself by its residual and loses weight.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
-from pipeline.optics.translation import quintic_slopes, quintic_weights
+from pipeline.optics.edge_patches import PatchTerms, edge_patches, patch_terms
+from pipeline.optics.rigid import RigidMotion, corner_px
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 
-_SIZE = 11
-_CHUNK = 128  # patches handled at once, so that their samples stay in the cache
+LEAST_MARGIN_PX = 4
+"""Pixels along the border that patches keep clear of, however little the photographs moved."""
+
+DRIFTING_PX = 0.2
+"""Edges of scenes with outlines drift by 0.15 px at most, the most where pixels are coarse; fringes alone by 0.4."""
+
+_PATCHES = 1500
 _ENOUGH_PATCHES = 12
-_STILL_PX = 5e-4
-# Each photograph is part of the pattern it is compared with, so plain steps fall short by up to a third.
-_OVER_RELAXATION = 1.25
+_SETTLED_PX = 5e-4
+_BLOCKS = 8  # a side: what neighbouring patches get wrong, they get wrong together
 
 
 @dataclass(frozen=True)
-class Shifts:
-    """Where each photograph's content lies, relative to the first.
+class Motions:
+    """Where the content of each of K photographs lies, relative to the first.
 
     Attributes
     ----------
     shift_px : ndarray of shape (K, 2), float64
-        Rows downwards and columns to the right; the first is (0, 0).
-    deviation_px : ndarray of shape (K,), float64
-        Standard deviation of the larger error axis of each, from the scatter between patches; infinite where the
-        photographs do not tell.
+        Of the picture's centre, rows downwards and columns to the right; the first is (0, 0).
+    turn_rad : ndarray of shape (K,), float64
+        About the picture's centre, anticlockwise as seen; the first is 0.
+    covariance : ndarray of shape (K, 3, 3), float64
+        Of shift down, shift to the right and turn, from the scatter between the parts of the picture; infinite where
+        the photographs do not tell. What sampling does to all edges alike, some thousandths of a pixel, is not in it.
+    last_step_px : float
+        By how much the last step of the iteration changed a motion, at most.
+    settled : bool
+        Whether that was a thousandth of a pixel, or a tenth of the motion's own standard deviation.
+    misfit : float
+        Mean logarithm of the energy that the patches leave unexplained.
+    drift_px, turn_drift_px : float
+        By how much the edges that tell shifts, and those that tell turns, seem to move by themselves, in ways that no
+        motion of the photographs explains: fringes do, where the orientation of the gratings changes continuously. That
+        of turns is measured at the picture's corners.
+    turn_deviation_px : float
+        Standard deviation of the worst known turn at the picture's corners.
     """
 
     shift_px: Float64Array
-    deviation_px: Float64Array
+    turn_rad: Float64Array
+    covariance: Float64Array
+    last_step_px: float = 0.0
+    settled: bool = True
+    misfit: float = 0.0
+    drift_px: float = 0.0
+    turn_drift_px: float = 0.0
+    turn_deviation_px: float = 0.0
+
+    @property
+    def tells_turns(self) -> bool:
+        """Whether turns can be believed: the steps came to an end, and enough edges that keep still tell them."""
+        return self.settled and max(self.turn_drift_px, self.turn_deviation_px) < DRIFTING_PX
+
+    def of(self, photo: int) -> RigidMotion:
+        """Where the points of the first photograph lie in this one."""
+        down, right = self.shift_px[photo]
+        return RigidMotion(float(self.turn_rad[photo]), (float(down), float(right)))
+
+    def reach_px(self, shape: tuple[int, ...]) -> float:
+        """By how much the farthest moved photograph's corners may have moved."""
+        return float(np.max(np.hypot(*self.shift_px.T) + np.abs(self.turn_rad) * corner_px(shape)))
+
+    @property
+    def deviation_px(self) -> Float64Array:
+        """Standard deviation of each shift along its worse known axis, shape (K,)."""
+        shifts = self.covariance[:, :2, :2]
+        known = np.isfinite(shifts[:, 0, 0])
+        worse = np.linalg.eigvalsh(np.where(np.isfinite(shifts), shifts, 0.0))[:, -1]
+        return np.where(known, np.sqrt(np.maximum(worse, 0)), np.inf)
+
+    @property
+    def deviation_rad(self) -> Float64Array:
+        """Standard deviation of each turn, shape (K,)."""
+        return np.sqrt(self.covariance[:, 2, 2])
 
 
-def edge_image(image: Float32Array) -> Float32Array:
-    """Soft edge magnitude in [0, 1): gradient relative to the brightness around it, whatever its sign."""
-    smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
-    across = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3)
-    down = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3)
-    magnitude = cv2.magnitude(across, down)
-    level = np.float32(2 * np.mean(magnitude) + np.finfo(np.float32).tiny)
-    return np.asarray(magnitude / (magnitude + level), np.float32)
+def still(count: int) -> Motions:
+    """No motion, of which nothing is known."""
+    return unknown([RigidMotion()] * count)
 
 
-def coarse_shift(reference: Float32Array, moved: Float32Array, largest_px: float) -> Float64Array:
-    """Shift of ``moved`` against ``reference``, both edge images, in whole rows and columns, by phase correlation.
-
-    Zero where moving by it does not make the edges agree better. Shifts beyond ``largest_px`` are not looked for.
-
-    References
-    ----------
-    Kuglin and Hines, The phase correlation image alignment method, Proc. IEEE Cybernetics and Society (1975).
-    """
-    height, width = reference.shape
-    taper = np.outer(np.hanning(height), np.hanning(width)).astype(np.float32)
-    spectrum = np.conj(fft.rfft2((reference - reference.mean()) * taper)) * fft.rfft2((moved - moved.mean()) * taper)
-    magnitude = np.abs(spectrum)
-    # Frequencies that carry next to nothing would vote with the phase of their noise.
-    peak = fft.irfft2(spectrum / (magnitude + 0.1 * magnitude.mean()), s=reference.shape)
-    rows, columns = fft.fftfreq(height, 1 / height), fft.fftfreq(width, 1 / width)
-    far = (np.abs(rows)[:, None] > min(largest_px, 0.4 * height)) | (np.abs(columns) > min(largest_px, 0.4 * width))
-    peak[far] = -np.inf
-    row, column = np.unravel_index(np.argmax(peak), peak.shape)
-    whole = np.rint([rows[row], columns[column]]).astype(int)
-    if not whole.any():
-        return np.zeros(2)
-    here, there = _overlap(height, width, whole)
-    still = np.corrcoef(reference[here].ravel(), moved[here].ravel())[0, 1]
-    follows = np.corrcoef(reference[here].ravel(), moved[there].ravel())[0, 1]
-    return whole.astype(np.float64) if follows > still else np.zeros(2)
+def unknown(motions: list[RigidMotion]) -> Motions:
+    """Motions of which nothing is known."""
+    return Motions(
+        np.array([motion.shift_px for motion in motions]),
+        np.array([motion.turn_rad for motion in motions]),
+        np.full((len(motions), 3, 3), np.inf),
+        misfit=np.inf,
+    )
 
 
-def edge_shifts(
+def fine_motions(
     coefficients: Float32Array,
-    start_px: Float64Array,
+    start: Motions,
     valid: NDArray[np.bool_],
     *,
-    patches: int = 1500,
-    iterations: int = 12,
-) -> Shifts:
-    """Refine shifts by the model of one pattern per patch and one contrast per patch and photograph.
+    rigid: bool,
+    steps: int = 20,
+    margin: int | None = None,
+) -> Motions:
+    """Refine motions by the model of one pattern per patch and one contrast per patch and photograph.
+
+    Gauss-Newton on the motions of all photographs at once, with pattern and contrasts eliminated: a photograph is part
+    of the pattern that it is compared with, so that steps of one photograph after the other would fall short.
 
     Parameters
     ----------
     coefficients : ndarray of shape (K, M, N), float32
-        Quintic B-spline coefficients of the photographs.
-    start_px : ndarray of shape (K, 2), float64
-        Shifts to start from, right to about one pixel.
+        From :func:`pipeline.optics.edge_patches.edge_coefficients`.
+    start : Motions
+        Right to about one pixel in most places.
     valid : ndarray of shape (M, N), bool
         Patches that touch other pixels are not used.
-    patches : int
-        The patches of the strongest contrast are used, at most this many.
-    iterations : int
-        Gauss-Newton steps at most; the loop ends when no shift changes by half a thousandth of a pixel.
+    rigid : bool
+        Whether photographs may have turned; if not, turns are zero.
+    steps : int
+        At most; the loop ends when no step moves a corner by half a thousandth of a pixel.
+    margin : int or None
+        Pixels left out along the border; None for as many as the start moves a corner by, and four more.
+
+    Notes
+    -----
+    With the rank-one model ``Y = v e^T`` of a patch's photographs, the residual ``(I - v v^T) dY (I - e e^T)`` changes
+    with the motions as ``b_k b_l (delta_kl - v_k v_l) M``, where ``b = |b| v`` are the contrasts and ``M`` the products
+    of the pattern's slopes: variable projection as in Kaufman, BIT 15 (1975). The covariance is the sandwich estimate,
+    clustered by blocks of the picture (Liang and Zeger, Biometrika 73, 1986).
     """
-    shift = start_px - start_px[0]
-    corners = _corners(coefficients, valid, int(np.ceil(np.max(np.abs(shift)))) + 4, patches)
-    count = len(coefficients)
-    if len(corners) < _ENOUGH_PATCHES:
-        return Shifts(np.zeros((count, 2)), np.full(count, np.inf))
-    deviation = np.full(count, np.inf)
-    for _ in range(iterations):
-        step, deviation = _step(coefficients, corners, shift)
-        step -= step[0]
-        length = np.hypot(*step.T)
-        shift = shift + _OVER_RELAXATION * step * np.minimum(1, 1 / np.maximum(length, 1e-12))[:, None]
-        if length.max() < _STILL_PX:
+    shape = valid.shape
+    lever = corner_px(shape)
+    turn = start.turn_rad - start.turn_rad[0] if rigid else np.zeros(len(coefficients))
+    motion = np.column_stack([start.shift_px - start.shift_px[0], turn * lever])
+    if margin is None:
+        margin = int(np.ceil(start.reach_px(shape))) + LEAST_MARGIN_PX
+    centres = edge_patches(coefficients, valid, margin=margin, count=_PATCHES)
+    if len(centres) < _ENOUGH_PATCHES:
+        return still(len(coefficients))
+    blocks = np.unique((centres * _BLOCKS // np.max(shape)).astype(int) @ np.array([_BLOCKS, 1]), return_inverse=True)[
+        1
+    ]
+    free = 3 if rigid else 2
+    length, misfit, covariance = np.zeros(len(coefficients)), np.inf, np.full((len(coefficients), 3, 3), np.inf)
+    before, stretched = np.zeros_like(motion), True
+    for _ in range(steps):
+        terms = patch_terms(coefficients, centres, motion[:, :2], motion[:, 2] / lever)
+        misfit = float(np.mean(np.log(np.maximum(terms.unexplained, 1e-12))))
+        step, covariance = _step(terms, blocks, free)
+        length = np.linalg.norm(step, axis=1)
+        if length.max() < _SETTLED_PX:
+            motion = motion + step
             break
-    # A shift is that between two photographs, the first of which is no better known than the other.
-    return Shifts(shift, np.hypot(deviation, deviation[0]))
+        # Patches of two patterns make steps fall short by a constant ratio, which two steps tell (Aitken).
+        ratio = 0.0 if stretched else np.clip(np.sum(step * before) / np.sum(before**2), 0, 0.9)
+        stretched, before = ratio > 0.2, step
+        step = step / (1 - ratio) if stretched else step
+        motion = motion + step * np.minimum(1, 1 / np.maximum(np.linalg.norm(step, axis=1), 1e-12))[:, None]
+    unit = np.array([1, 1, 1 / lever])
+    scaled = covariance * unit[:, None] * unit
+    deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+    settled = bool((length < np.maximum(2 * _SETTLED_PX, 0.1 * deviation)).all())
+    return Motions(
+        shift_px=motion[:, :2],
+        turn_rad=motion[:, 2] / lever,
+        covariance=scaled,
+        last_step_px=float(length.max()),
+        settled=settled,
+        misfit=misfit,
+        drift_px=_drift_px(terms, slice(0, 2)),
+        turn_drift_px=_drift_px(terms, slice(2, 3)),
+        turn_deviation_px=float(
+            np.sqrt(np.max(covariance[:, 2, 2], where=np.isfinite(covariance[:, 2, 2]), initial=0))
+        ),
+    )
 
 
-def _overlap(height: int, width: int, whole: NDArray[np.int_]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    spans = [(max(0, -int(d)), n - max(0, int(d))) for d, n in zip(whole, (height, width), strict=True)]
-    here = tuple(slice(a, b) for a, b in spans)
-    there = tuple(slice(a + int(d), b + int(d)) for (a, b), d in zip(spans, whole, strict=True))
-    return (here[0], here[1]), (there[0], there[1])
+def _step(terms: PatchTerms, blocks: NDArray[np.int_], free: int) -> tuple[Float64Array, Float64Array]:
+    """One Gauss-Newton step (K, 3) for all photographs, and the covariance (K, 3, 3) of each against the first."""
+    count = terms.contrast.shape[1]
+    weight = _weights(terms)
+    own, coupled = _normal(terms, terms.metric[:, :free, :free], weight)
+    pull = -terms.pull[..., :free] * (terms.contrast * weight[:, None])[..., None]
+    step, covariance = np.zeros((count, 3)), np.full((count, 3, 3), np.inf)
+    known = np.array([np.linalg.cond(block) < 1e8 for block in own])
+    moving = np.flatnonzero(known[1:]) + 1
+    size = len(moving) * free
+    normal = coupled[moving][:, :, moving].reshape(size, size)
+    if not known[0] or not size or np.linalg.cond(normal) > 1e12:
+        return step, covariance
+    pulls = pull[:, moving].reshape(-1, size)
+    step[moving, :free] = np.linalg.solve(normal, pulls.sum(axis=0)).reshape(-1, free)
+    _, told = _normal(terms, (terms.metric - terms.noise_metric)[:, :free, :free], weight)
+    value, axes = np.linalg.eigh(told[moving][:, :, moving].reshape(size, size))
+    inverse = axes / np.maximum(value, 1e-6 * value[-1]) @ axes.T
+    covariance[0] = 0
+    covariance[moving] = 0
+    covariance[moving, :free, :free] = _clustered(inverse, pulls, blocks, free)
+    return step, covariance
 
 
-def _corners(coefficients: Float32Array, valid: NDArray[np.bool_], margin: int, patches: int) -> NDArray[np.int_]:
-    """Upper left corners of the patches with the strongest contrast over all photographs, shape (P, 2)."""
-    height, width = valid.shape
-    rows, columns = (height - 2 * margin) // _SIZE, (width - 2 * margin) // _SIZE
-    if rows < 1 or columns < 1:
-        return np.zeros((0, 2), int)
-    inside = (slice(margin, margin + rows * _SIZE), slice(margin, margin + columns * _SIZE))
-    tiles = (rows, _SIZE, columns, _SIZE)
-    reach = 2 * margin + 1
-    clear = cv2.erode(valid.astype(np.uint8), np.ones((reach, reach), np.uint8), borderValue=1)
-    usable = clear[inside].reshape(tiles).all(axis=(1, 3))
-    contrast = np.zeros((rows, columns))
-    for image in coefficients:
-        tile = image[inside].reshape(tiles)
-        contrast += tile.var(axis=(1, 3), dtype=np.float64) / np.maximum(tile.mean(axis=(1, 3), dtype=np.float64), 1e-6)
-    contrast[~usable] = -1
-    best = np.argsort(contrast, axis=None)[::-1][:patches]
-    best = best[contrast.ravel()[best] > 0]
-    row, column = np.unravel_index(best, contrast.shape)
-    return np.stack([margin + row * _SIZE, margin + column * _SIZE], axis=1)
+def _normal(terms: PatchTerms, metric: Float64Array, weight: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Normal matrix of each photograph alone, (K, D, D), and of all together, (K, D, K, D)."""
+    power = terms.contrast**2
+    total = np.maximum(power.sum(axis=1), 1e-20)
+    own = np.einsum("p,pk,pde->kde", weight, power, metric)
+    coupled = -np.einsum("pk,pl,pde->kdle", (weight / total)[:, None] * power, power, metric, optimize=True)
+    coupled[np.arange(len(own)), :, np.arange(len(own))] += own
+    return own, coupled
 
 
-def _sampled(coefficients: Float32Array, corners: NDArray[np.int_], shift: Float64Array) -> Float64Array:
-    """Value and slopes down and across of every patch of one photograph, moved by its shift: shape (3, P, S, S)."""
-    whole = np.floor(shift).astype(int)
-    reach = np.arange(-2, _SIZE + 3)
-    rows = corners[:, 0, None] + whole[0] + reach
-    columns = corners[:, 1, None] + whole[1] + reach
-    support = coefficients[rows[:, :, None], columns[:, None, :]]
-    down, across = (_banded(quintic_weights(f)) for f in shift - whole)
-    slope_down, slope_across = (_banded(quintic_slopes(f)) for f in shift - whole)
-    by_column = support @ across.T
-    return np.stack([down @ by_column, slope_down @ by_column, down @ (support @ slope_across.T)])
+def _weights(terms: PatchTerms) -> Float64Array:
+    return terms.certainty / (terms.disturbance + 1e-3 * np.median(terms.disturbance) + 1e-20)
 
 
-def _banded(taps: Float64Array) -> Float32Array:
-    matrix = np.zeros((_SIZE, _SIZE + 5), np.float32)
-    for i in range(_SIZE):
-        matrix[i, i : i + 6] = taps
-    return matrix
+def _drift_px(terms: PatchTerms, axes: slice) -> float:
+    """Drift of the patterns that tell these components of the motions, as their weighted median."""
+    told = np.diagonal(terms.metric - terms.noise_metric, axis1=1, axis2=2)[:, axes].mean(axis=1)
+    steepness = np.maximum(told, 0)
+    drift = np.sqrt(terms.second / np.maximum(steepness, 1e-20))
+    order = np.argsort(drift)
+    share = np.cumsum((_weights(terms) * steepness)[order])
+    return float(drift[order][min(np.searchsorted(share, share[-1] / 2), len(order) - 1)])
 
 
-def _step(
-    coefficients: Float32Array, corners: NDArray[np.int_], shift: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """One Gauss-Newton step (K, 2) for all photographs and the deviation (K,) of each."""
-    chunks = [_patch_terms(coefficients, corners[i : i + _CHUNK], shift) for i in range(0, len(corners), _CHUNK)]
-    contrast, residual_pull, metric, unexplained = (np.concatenate(terms) for terms in zip(*chunks, strict=True))
-    weight = 1 / (unexplained + 1e-3 * np.median(unexplained) + 1e-20)
-    pull = -residual_pull * (contrast * weight[:, None])[..., None]
-    normal = np.einsum("p,pk,pde->kde", weight, contrast**2, metric)
-    scatter = np.einsum("pkd,pke->kde", pull, pull)
-    count = len(coefficients)
-    step, deviation = np.zeros((count, 2)), np.full(count, np.inf)
-    for k in range(count):
-        if np.linalg.cond(normal[k]) < 1e8:
-            inverse = np.linalg.inv(normal[k])
-            step[k] = inverse @ pull[:, k].sum(axis=0)
-            deviation[k] = np.sqrt(np.linalg.eigvalsh(inverse @ scatter[k] @ inverse).max())
-    return step, deviation
-
-
-def _patch_terms(
-    coefficients: Float32Array, corners: NDArray[np.int_], shift: Float64Array
-) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
-    """What each patch says about the shifts, for Q patches and K photographs.
-
-    Returns
-    -------
-    contrast : ndarray of shape (Q, K)
-        Of the patch's pattern in each photograph.
-    residual_pull : ndarray of shape (Q, K, 2)
-        Products of what the pattern leaves unexplained with the slopes of the pattern, down and across.
-    metric : ndarray of shape (Q, 2, 2)
-        Products of the slopes.
-    unexplained : ndarray of shape (Q,)
-        Energy that no contrast of the pattern explains, over all photographs.
-    """
-    taper = np.sin(np.pi * (np.arange(_SIZE) + 0.5) / _SIZE)
-    window = np.sqrt(np.outer(taper, taper)).ravel()
-    share = (window**2 / np.sum(window**2)).astype(np.float32)
-    stack = np.empty((3, len(corners), len(coefficients), _SIZE * _SIZE), np.float32)
-    for k, image in enumerate(coefficients):
-        stack[:, :, k] = _sampled(image, corners, shift[k]).reshape(3, len(corners), -1)
-    stack -= (stack @ share)[..., None]
-    stack *= window.astype(np.float32)
-    values, slopes = stack[0], stack[1:]
-    strength, modes = np.linalg.eigh(values @ values.transpose(0, 2, 1))
-    first = modes[:, None, :, -1]
-    pattern = (first @ values)[:, 0]
-    norm = np.maximum(np.einsum("pi,pi->p", pattern, pattern), 1e-20)
-    slope = (first @ slopes)[:, :, 0]
-    # Only what a shift does beyond a change of contrast counts.
-    slope -= np.einsum("dpi,pi->dp", slope, pattern)[..., None] / norm[:, None] * pattern
-    contrast = np.einsum("pki,pi->pk", values, pattern) / norm[:, None]
-    residual = values - contrast[..., None] * pattern[:, None]
-    pull = residual @ slope.transpose(1, 2, 0)
-    metric = np.einsum("dpi,epi->pde", slope, slope)
-    unexplained = strength[:, :-1].sum(axis=1)
-    return contrast.astype(float), pull.astype(float), metric.astype(float), unexplained.astype(float)
+def _clustered(inverse: Float64Array, pulls: Float64Array, blocks: NDArray[np.int_], free: int) -> Float64Array:
+    """Covariance of each photograph: from blocks of patches, or from single patches where that is more."""
+    by_block = np.zeros((blocks.max() + 1, pulls.shape[1]))
+    np.add.at(by_block, blocks, pulls)
+    found = []
+    for parts in (by_block, pulls):
+        spread = inverse @ (parts.T @ parts) @ inverse * (len(parts) / max(len(parts) - 1, 1))
+        photos = spread.reshape(len(inverse) // free, free, -1, free)
+        found.append(np.einsum("kdke->kde", photos))
+    more = np.trace(found[0], axis1=1, axis2=2) > np.trace(found[1], axis1=1, axis2=2)
+    return np.where(more[:, None, None], *found)

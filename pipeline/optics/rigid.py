@@ -1,4 +1,8 @@
-"""Pictures of one thing that was laid down twice: a turn and a shift between their pixels."""
+"""Pictures of one thing that was laid down or photographed twice: a turn and a shift between their pixels.
+
+Rows run downwards, so an anticlockwise turn takes (row, column) about the centre to
+(row cos - column sin, row sin + column cos).
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,7 @@ class RigidMotion:
 
     def offset_px(self, shape: tuple[int, ...], other_shape: tuple[int, ...]) -> Float64Array:
         """What has to be added to ``matrix @ (row, column)``, for pictures of these shapes."""
-        return np.asarray(_centre(other_shape) + self.shift_px - self.matrix @ _centre(shape))
+        return np.asarray(centre_of(other_shape) + self.shift_px - self.matrix @ centre_of(shape))
 
     def apply(self, place_px: Float64Array, shape: tuple[int, ...], other_shape: tuple[int, ...]) -> Float64Array:
         """Rows and columns in the other picture, shape (2, P), of rows and columns in the one."""
@@ -47,6 +51,19 @@ class RigidMotion:
         moved = self.matrix @ shift_px + self.shift_px
         return RigidMotion(self.turn_rad + turn_rad, (float(moved[0]), float(moved[1])), self.scale)
 
+    @property
+    def inverse(self) -> RigidMotion:
+        """The motion back, from the other picture to the one."""
+        back = RigidMotion(-self.turn_rad, scale=1 / self.scale)
+        row, column = -back.matrix @ self.shift_px
+        return RigidMotion(back.turn_rad, (float(row), float(column)), back.scale)
 
-def _centre(shape: tuple[int, ...]) -> Float64Array:
+
+def centre_of(shape: tuple[int, ...]) -> Float64Array:
+    """Row and column of a picture's centre, halfway between its outermost pixel centres."""
     return (np.array(shape[:2], np.float64) - 1) / 2
+
+
+def corner_px(shape: tuple[int, ...]) -> float:
+    """Distance of a picture's corners from its centre."""
+    return float(np.hypot(*centre_of(shape)))

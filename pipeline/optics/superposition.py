@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import fft, ndimage
 
 from pipeline.optics.rigid import RigidMotion
+from pipeline.optics.rigid_sampling import resampled
 
 Float64Array = NDArray[np.float64]
 Channels = NDArray[np.float32]
@@ -81,18 +82,6 @@ def superpose(reference: Channels, other: Channels, *, scale: float, largest_tur
         found, deviation = _refined(one, two, start)
         motion = RigidMotion(found.turn_rad, (found.shift_px[0] * factor, found.shift_px[1] * factor), scale)
     return Superposition(motion, deviation, _agreement(reference, other, motion))
-
-
-def resampled(
-    image: NDArray[np.floating], motion: RigidMotion, shape: tuple[int, ...], *, order: int = 3, outside: float = np.nan
-) -> NDArray[np.float32]:
-    """The other map's image read at the pixels of the reference, of ``shape``; ``outside`` beyond its borders."""
-    offset = motion.offset_px(shape, image.shape)
-    return np.asarray(
-        ndimage.affine_transform(
-            image.astype(np.float32), motion.matrix, offset, shape, order=order, mode="constant", cval=outside
-        )
-    )
 
 
 def _shrunk(channels: Channels, factor: int) -> Channels:

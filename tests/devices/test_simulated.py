@@ -111,6 +111,38 @@ def test_the_hand_moves_every_photo_but_the_first() -> None:
     assert shifts[1:].std() == pytest.approx(0.5, rel=0.4)
 
 
+def test_the_hand_turns_every_photo_but_the_first() -> None:
+    rig = bench(turn_deg=0.3, seed=3)
+    polarizer_sequence(halves(), rig=rig, count=12)
+    turns = np.rad2deg(rig.camera.turns_rad)
+    assert turns[0] == 0
+    assert (np.abs(turns[1:]) > 0).all()
+    assert turns[1:].std() == pytest.approx(0.3, rel=0.4)
+
+
+def test_a_camera_that_is_not_turned_takes_the_photos_it_always_took() -> None:
+    noisy = {"shot_noise": True, "shift_px": 0.5, "seed": 1}
+    rigs = [bench(**noisy), bench(**noisy, turn_deg=0.0), bench(**noisy, turn_deg=0.3)]
+    plain, unturned, turned = (polarizer_sequence(halves(), rig=rig, count=3).images for rig in rigs)
+    np.testing.assert_array_equal(plain, unturned)
+    assert not np.array_equal(plain, turned)
+    assert rigs[2].camera.shifts_px == rigs[0].camera.shifts_px
+
+
+def test_a_turned_photo_is_the_photo_of_the_turned_sample() -> None:
+    """The boundary between the halves runs through the centre: it stays there and leans to the left at the top."""
+    rig = bench(turn_deg=3.0, blur_mm=0.02, seed=5)
+    photos = polarizer_sequence(halves(270), rig=rig, count=3)
+    turn = rig.camera.turns_rad[1]
+    assert abs(turn) > 0.02
+    lower = photos.images[1, 35:85]  # below the ground
+    light, dark = lower[:, :10].mean(), lower[:, -10:].mean()
+    across = ((lower - dark) / (light - dark)).sum(axis=1)
+    leans = np.polyfit(np.arange(35, 85) - 44.5, across, 1)
+    assert leans[0] == pytest.approx(np.tan(turn), abs=2e-3)
+    assert leans[1] == pytest.approx(45, abs=0.02)
+
+
 def test_saturation_is_left_out_and_warned_of(caplog: pytest.LogCaptureFixture) -> None:
     photos = polarizer_sequence(halves(), rig=bench(electrons=24_000.0, full_well_electrons=25_000.0), count=6)
     assert not photos.valid[20, 5]
@@ -181,6 +213,7 @@ def test_a_panel_that_is_off_gives_dark_photos() -> None:
         ("read_noise_electrons", -1.0, "0 or more"),
         ("blur_mm", -0.1, "0 or more"),
         ("shift_px", -0.5, "0 or more"),
+        ("turn_deg", -0.1, "0 or more"),
         ("seed", -1, "0 or more"),
         ("bits", 0, "1 to 24"),
         ("bits", 32, "1 to 24"),

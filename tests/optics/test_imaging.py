@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
@@ -23,6 +23,44 @@ def test_a_scene_moves_down_and_right_by_its_shift(down: float, right: float, bl
     seen = seen_by_lens(scene, blur_px=blur, shift_px=(down, right))
     np.testing.assert_allclose(centroid(seen) - centroid(scene), [down, right], atol=2e-3)
     assert seen.sum() == pytest.approx(scene.sum(), rel=1e-4)
+
+
+@settings(deadline=None)
+@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-0.3, 0.3), st.sampled_from([1.0, 2.5]))
+def test_a_scene_turns_anticlockwise_about_its_centre_and_then_moves(
+    down: float, right: float, turn: float, blur: float
+) -> None:
+    scene = np.zeros((81, 81), np.float32)
+    scene[38:43, 60] = 1  # 20 pixels to the right of the centre
+    seen = seen_by_lens(scene, blur_px=blur, shift_px=(down, right), turn_rad=turn)
+    expected = [40 - 20 * np.sin(turn) + down, 40 + 20 * np.cos(turn) + right]
+    np.testing.assert_allclose(centroid(seen), expected, atol=5e-3)
+    assert seen.sum() == pytest.approx(scene.sum(), rel=1e-2)
+
+
+def test_a_turn_adds_no_blur() -> None:
+    spot = np.zeros((81, 81), np.float32)
+    spot[40, 60] = 1
+    rows, columns = np.indices(spot.shape)
+    for turn in (0.0, 0.01, 0.3):
+        seen = seen_by_lens(spot, blur_px=1.8, turn_rad=turn).astype(np.float64)
+        row, column = centroid(seen)
+        spread = (seen * ((rows - row) ** 2 + (columns - column) ** 2)).sum() / seen.sum()
+        assert spread == pytest.approx(2 * 1.8**2, rel=5e-3)
+
+
+def test_a_sharp_scene_does_not_ring_when_it_turns() -> None:
+    scene = np.zeros((60, 60), np.float32)
+    scene[20:40, 20:40] = 1
+    seen = seen_by_lens(scene, blur_px=0.0, turn_rad=0.1)
+    assert seen.min() >= 0
+    assert seen.max() <= 1
+
+
+def test_light_from_beyond_the_border_goes_on_as_it_ended() -> None:
+    even = np.full((40, 60), 0.7, np.float32)
+    seen = seen_by_lens(even, blur_px=1.5, shift_px=(3.0, -2.0), turn_rad=0.2)
+    np.testing.assert_allclose(seen, 0.7, rtol=1e-5)
 
 
 def test_blur_is_the_gaussian_of_scipy() -> None:

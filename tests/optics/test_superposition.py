@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from pipeline.optics.imaging import area_average
 from pipeline.optics.rigid import RigidMotion
-from pipeline.optics.superposition import channels_of, resampled, superpose
+from pipeline.optics.rigid_sampling import resampled
+from pipeline.optics.superposition import channels_of, superpose
 
 SIZE = 160
 OVER = 3

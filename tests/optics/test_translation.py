@@ -1,24 +1,14 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from pipeline.optics.translation import quintic_coefficients, quintic_slopes, quintic_weights, sample_translated
+from pipeline.optics.spline import quintic_coefficients
+from pipeline.optics.translation import sample_translated
 
 IMAGE = ndimage.gaussian_filter(np.random.default_rng(0).random((60, 80)), 1.0).astype(np.float32)
-
-
-@given(st.floats(0, 0.999999))
-def test_the_weights_sum_to_one_and_the_slopes_to_zero(fraction):
-    assert quintic_weights(fraction).sum() == pytest.approx(1, abs=1e-12)
-    assert quintic_slopes(fraction).sum() == pytest.approx(0, abs=1e-12)
-    step = 1e-6
-    if fraction < 1 - step:
-        slope = (quintic_weights(fraction + step) - quintic_weights(fraction)) / step
-        np.testing.assert_allclose(quintic_slopes(fraction), slope, atol=5e-6)
 
 
 @settings(deadline=None, max_examples=20)

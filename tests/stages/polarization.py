@@ -26,6 +26,16 @@ def facets(size: int = 160, *, seed: int = 0, least_turn_deg: float = 0.0):
     return np.where(diffracts, orientation, np.nan), np.where(diffracts, period, np.nan)
 
 
+def spiral(size: int = 160, *, fills_the_picture: bool = False):
+    """A disc in which the orientation turns continuously with the azimuth and the radius, in steps of 0.1 degrees."""
+    axis = (np.arange(size * OVER) + 0.5) / (size * OVER) * 2 - 1
+    x, y = np.meshgrid(axis, -axis)
+    radius = np.hypot(x, y)
+    orientation = np.rad2deg(np.arctan2(y, x) + 1.5 * np.log(radius + 0.05)) % 180
+    diffracts = (radius < 0.85) | fills_the_picture
+    return np.where(diffracts, np.deg2rad(np.round(orientation, 1)) % np.pi, np.nan), np.where(diffracts, 1.4, np.nan)
+
+
 def photographed(
     orientation_rad,
     period_um,
@@ -35,6 +45,7 @@ def photographed(
     phase_deg=45.0,
     retardation_deg=0.0,
     shifts_px=None,
+    turns_rad=None,
     electrons=None,
     blur_px=0.7,
     ground=0.03,
@@ -54,7 +65,9 @@ def photographed(
         )
         fine = response[index].reshape(efficiency.shape) * efficiency + np.where(np.isfinite(period_um), 0, ground)
         shift = (0.0, 0.0) if shifts_px is None else tuple(OVER * s for s in shifts_px[k])
-        images.append(area_average(seen_by_lens(fine.astype(np.float32), blur_px=blur_px * OVER, shift_px=shift), OVER))
+        turn = 0.0 if turns_rad is None else float(turns_rad[k])
+        seen = seen_by_lens(fine.astype(np.float32), blur_px=blur_px * OVER, shift_px=shift, turn_rad=turn)
+        images.append(area_average(seen, OVER))
     stack = np.array(images, np.float32) / np.float32(2.2)
     if electrons is not None:
         stack = rng.poisson(stack * electrons).astype(np.float32) / np.float32(electrons)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Callable
 from typing import Literal
 
 import cv2
@@ -14,14 +13,33 @@ from scipy import ndimage
 
 from pipeline.data import SIMULTANEOUS, BoolArray, PolarizerSequence
 from pipeline.limits import above_zero, refuse, zero_or_more
-from pipeline.optics.registration import Shifts, coarse_shift, edge_image, edge_shifts
-from pipeline.optics.translation import quintic_coefficients, sample_translated
+from pipeline.optics.coarse_registration import Start, coarse_motion, coarse_turn, edge_image, edge_images
+from pipeline.optics.edge_patches import edge_coefficients
+from pipeline.optics.intensity_registration import ecc_motion, gradient_image, phase_correlation_motion
+from pipeline.optics.motion_choice import chosen_motions
+from pipeline.optics.registration import DRIFTING_PX, Motions, unknown
+from pipeline.optics.rigid import RigidMotion, corner_px
+from pipeline.optics.rigid_sampling import resampled, sample_rigid
+from pipeline.optics.spline import quintic_coefficients
 from pipeline.parallel import over_rows
 from pipeline.progress import advance
 
 _log = logging.getLogger(__name__)
 
 Float32Array = NDArray[np.float32]
+_UNSETTLED_PX = 0.02
+"""Motions that still change by so much are not worth a resampling."""
+
+_AMBIGUOUS_SHARE = 0.25
+"""One photograph may be too dark to tell; where many cannot, edges change with the polariser."""
+
+_SEARCHED = 1.5
+"""Turns are looked for up to so many times the largest one, so that those beyond it are seen to be."""
+
+_NEAR_START_PX = 3.0
+"""Starts are right to a pixel or two."""
+
+Method = Literal["edges", "ecc", "ecc_edges", "phase_correlation", "none"]
 
 # A step of 14 bits in a simulated photograph, and what interpolation adds to it.
 _tolerance_register = {"images": 1e-4}
@@ -30,30 +48,45 @@ _tolerance_register = {"images": 1e-4}
 def register(
     photos: PolarizerSequence,
     *,
-    method: Literal["edges", "ecc", "phase_correlation", "none"] = "edges",
+    method: Literal["edges", "ecc", "ecc_edges", "phase_correlation", "none"] = "edges",
+    motion: Literal["auto", "shift", "rigid"] = "auto",
     largest_shift_px: float = 40.0,
+    largest_turn_deg: float = 5.0,
     least_shift_px: float = 0.05,
 ) -> PolarizerSequence:
-    """Move every photograph onto the first by a fraction of a pixel.
+    """Move and turn every photograph onto the first, by fractions of a pixel.
 
     Photographs of a sequence change contrast with the polariser, and two that are 90 degrees apart can be each
-    other's negatives; what stays is where the edges are. ``edges`` models every small patch as one pattern whose
-    contrast is free, sign included, in each photograph, and finds the shifts that all patches agree on: first by phase
-    correlation of edge images, then by Gauss-Newton. ``ecc`` and ``phase_correlation`` are OpenCV's, on intensities.
+    other's negatives; what stays is where the edges are. ``edges`` finds to a pixel how far each photograph's edges, as
+    sharp as they are and whatever their sign, have to be turned and shifted to lie on the first one's. Then it models
+    small patches around edges as one pattern each, whose contrast is free in each photograph, sign included, and finds
+    the motions that all patches agree on. The others are OpenCV's: ``ecc`` and ``phase_correlation`` on intensities,
+    ``ecc_edges`` on gradient magnitudes.
 
-    A photograph is left exactly as it was where its shift is below ``least_shift_px`` or three times its own standard
-    deviation: resampling costs sharpness and would gain nothing. Others are resampled by a quintic spline, and pixels
-    whose content came from outside the photograph or from invalid neighbours become invalid. The shifts found are
-    reported.
+    ``motion="auto"`` models turns only where some photograph's turn moves the picture's corners by more than
+    ``least_shift_px`` and by more than four times what noise and drifting edges leave open, and where the edges then
+    fit better than with shifts alone; a scene that does not tell turns (a spiral in a round outline) gets shifts.
+    OpenCV's methods state no standard deviation, so with them ``auto`` is ``shift``. Which it was, and why, is said.
+
+    Photographs stay where they are, with a warning, where there are too few edges, where these agree as well many
+    pixels away (fringes or stripes without an end), or where the two ways of finding a motion differ by three pixels.
+
+    A shift or a turn counts where it exceeds ``least_shift_px`` (a turn at the corners) and three times its own
+    standard deviation; a photograph without either is left exactly as it was: resampling costs sharpness and would gain
+    nothing. Others are resampled once, by a quintic spline, and pixels whose content came from outside the photograph
+    or from invalid neighbours become invalid. What was found is reported with its standard deviation, which covers
+    noise and what parts of the picture disagree on.
 
     Parameters
     ----------
     photos : PolarizerSequence
         K photographs.
-    method : {"edges", "ecc", "phase_correlation", "none"}
-        How the shifts are found.
-    largest_shift_px : float
-        A larger shift is not believed: the photograph is left as it was, with a warning.
+    method : {"edges", "ecc", "ecc_edges", "phase_correlation", "none"}
+        How the motions are found.
+    motion : {"auto", "shift", "rigid"}
+        Whether photographs may have turned.
+    largest_shift_px, largest_turn_deg : float
+        A larger shift or turn is not believed: the photograph is left as it was, with a warning.
     least_shift_px : float
         A smaller shift is not corrected.
 
@@ -65,30 +98,32 @@ def register(
     Raises
     ------
     InputError
-        A shift is negative, or ``largest_shift_px`` zero.
+        A limit is negative, or one of the largest zero.
     """
-    _check_register(largest_shift_px=largest_shift_px, least_shift_px=least_shift_px)
+    _check_register(largest_shift_px=largest_shift_px, largest_turn_deg=largest_turn_deg, least_shift_px=least_shift_px)
     if method == "none" or len(photos.images) < 2:
         return photos
     if photos.metadata.get(SIMULTANEOUS) == "yes":
         _log.info("All photographs come from one exposure: none can have moved.")
         return photos
-    images = [_finite(image) for image in photos.images]
-    coefficients = np.empty(photos.images.shape, np.float32)
+    images = np.stack([_finite(image) for image in photos.images])
+    doubts: dict[int, str] = {}
+    if method == "edges":
+        motions, doubts = _by_edges(
+            images, photos.valid, motion, largest_shift_px, _SEARCHED * np.deg2rad(largest_turn_deg), least_shift_px
+        )
+    else:
+        motions = _by_opencv(method, images, photos.valid, motion == "rigid", largest_shift_px)
+    moved = _believed(motions, doubts, photos, largest_shift_px, largest_turn_deg, least_shift_px)
+    return _resampled(photos, images, motions, moved)
 
-    def prefilter(start: int, stop: int) -> None:
-        for k in range(start, stop):
-            coefficients[k] = quintic_coefficients(images[k])
 
-    over_rows(prefilter, len(images), tile=1)
-    shifts = _estimate(method, images, coefficients, photos.valid, largest_shift_px)
-    moved = _believed(shifts, photos, largest_shift_px, least_shift_px)
-    return _resampled(photos, coefficients, shifts.shift_px, moved)
-
-
-def _check_register(*, largest_shift_px: float, least_shift_px: float, **_: object) -> None:
-    """Refuse impossible shifts before anything runs."""
-    refuse(above_zero(largest_shift_px=largest_shift_px), zero_or_more(least_shift_px=least_shift_px))
+def _check_register(*, largest_shift_px: float, largest_turn_deg: float, least_shift_px: float, **_: object) -> None:
+    """Refuse impossible motions before anything runs."""
+    refuse(
+        above_zero(largest_shift_px=largest_shift_px, largest_turn_deg=largest_turn_deg),
+        zero_or_more(least_shift_px=least_shift_px),
+    )
 
 
 def _finite(image: Float32Array) -> Float32Array:
@@ -100,76 +135,141 @@ def _finite(image: Float32Array) -> Float32Array:
     return np.asarray(image[tuple(nearest)], np.float32)
 
 
-def _estimate(
-    method: str, images: list[Float32Array], coefficients: Float32Array, valid: BoolArray, largest_px: float
-) -> Shifts:
+def _by_edges(
+    images: Float32Array,
+    valid: BoolArray,
+    motion: Literal["auto", "shift", "rigid"],
+    largest_px: float,
+    largest_rad: float,
+    least_px: float,
+) -> tuple[Motions, dict[int, str]]:
+    """Motions by the edges, and why some of them cannot be right."""
     count = len(images)
-    if method == "edges":
-        edges: list[Float32Array] = [np.zeros(0, np.float32)] * count
-        start = np.zeros((count, 2))
+    edges: list[list[Float32Array]] = [[]] * count
+    coefficients = np.empty(images.shape, np.float32)
+    shifted, turned = [Start()] * count, [Start()] * count
 
-        def find_edges(first: int, last: int) -> None:
-            for k in range(first, last):
-                edges[k] = edge_image(images[k])
+    def find_edges(start: int, stop: int) -> None:
+        for k in range(start, stop):
+            edges[k] = edge_images(images[k])
+            coefficients[k] = edge_coefficients(images[k])
 
-        def find_start(first: int, last: int) -> None:
-            for k in range(first, last):
-                start[k] = coarse_shift(edges[0], edges[k], largest_px) if k else 0.0
+    def find_start(start: int, stop: int) -> None:
+        for k in range(max(start, 1), stop):
+            shifted[k] = turned[k] = coarse_motion(edges[0][-1], edges[k][-1], largest_px=largest_px)
+            if motion != "shift":
+                turn = coarse_turn(edges[0], edges[k], largest_px=largest_px, largest_rad=largest_rad)
+                if turn:
+                    turned[k] = coarse_motion(edges[0][-1], edges[k][-1], largest_px=largest_px, turn_rad=turn)
 
-        over_rows(find_edges, count, tile=1)
-        over_rows(find_start, count, tile=1)
-        return edge_shifts(coefficients, start, valid)
-    find: Callable[[Float32Array, Float32Array, BoolArray], tuple[float, float]] = (
-        _ecc if method == "ecc" else _phase_correlation
-    )
-    shift = np.zeros((count, 2))
+    over_rows(find_edges, count, tile=1)
+    over_rows(find_start, count, tile=1)
+    choice = chosen_motions(coefficients, _begun(shifted), _begun(turned), valid, motion=motion, least_px=least_px)
+    _log.log(logging.WARNING if choice.doubtful else logging.INFO, "%s", choice.reason)
+    if not choice.motions.settled:
+        _log.warning(
+            "The photographs did not settle (the last step was %.3f px): they may have moved in another way, or their "
+            "edges change with the polariser.",
+            choice.motions.last_step_px,
+        )
+    return choice.motions, _doubts(choice.motions, turned if choice.motions.turn_rad.any() else shifted)
+
+
+def _begun(starts: list[Start]) -> Motions:
+    """Motions to start from; none where they are ambiguous."""
+    return unknown([RigidMotion() if start.ambiguous else start.motion for start in starts])
+
+
+def _doubts(motions: Motions, starts: list[Start]) -> dict[int, str]:
+    """Photographs on whose motion two ways of finding it do not agree, and why."""
+    doubts: dict[int, str] = {}
+    ambiguous = sum(start.ambiguous for start in starts)
+    for k, start in enumerate(starts):
+        away = float(np.hypot(*(motions.shift_px[k] - start.motion.shift_px)))
+        if start.ambiguous:
+            doubts[k] = "its edges agree as well with the first photo's many pixels away"
+        elif ambiguous > _AMBIGUOUS_SHARE * len(starts):
+            doubts[k] = f"in {ambiguous} of the photos the edges agree as well many pixels away"
+        elif away > _NEAR_START_PX:
+            doubts[k] = f"patches around its edges lead {away:.1f} px away from where all edges agree best"
+    return doubts
+
+
+def _by_opencv(method: Method, images: Float32Array, valid: BoolArray, rigid: bool, largest_px: float) -> Motions:
+    """Each photograph against the first; OpenCV states no standard deviation, so it is given as 0."""
+    count = len(images)
+    edges: list[Float32Array] = []
+    if method == "ecc_edges":
+        edges = [edge_image(image) for image in images]
+        images = np.stack([gradient_image(image) for image in images])
+    shift, turn = np.zeros((count, 2)), np.zeros(count)
     for k in range(1, count):
         try:
-            shift[k] = find(images[0], images[k], valid)
+            if method == "phase_correlation":
+                shift[k], turn[k] = phase_correlation_motion(images[0], images[k], rigid=rigid)
+            else:
+                start = RigidMotion()
+                if edges:
+                    start = coarse_motion(edges[0], edges[k], largest_px=largest_px).motion
+                shift[k], turn[k] = ecc_motion(images[0], images[k], valid, start.shift_px, rigid=rigid)
         except cv2.error as error:
-            _log.warning("Photo %d was left where it was: OpenCV found no shift (%s).", k, error.err)
+            _log.warning("Photo %d was left where it was: OpenCV found no motion (%s).", k, error.err)
         advance(k, count - 1)
-    return Shifts(shift, np.zeros(count))
+    return Motions(shift, turn, np.zeros((count, 3, 3)))
 
 
-def _ecc(reference: Float32Array, image: Float32Array, valid: BoolArray) -> tuple[float, float]:
-    warp = np.eye(2, 3, dtype=np.float32)
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-6)
-    mask = valid.astype(np.uint8)
-    _, warp = cv2.findTransformECC(reference, image, warp, cv2.MOTION_TRANSLATION, criteria, mask, 5)
-    return float(warp[1, 2]), float(warp[0, 2])
-
-
-def _phase_correlation(reference: Float32Array, image: Float32Array, valid: BoolArray) -> tuple[float, float]:
-    window = cv2.createHanningWindow(reference.shape[::-1], cv2.CV_32F)
-    # OpenCV 5.0 multiplies its arguments by the window in place, so it gets copies.
-    (column, row), _ = cv2.phaseCorrelate(reference.copy(), image.copy(), window)
-    return float(row), float(column)
-
-
-def _believed(shifts: Shifts, photos: PolarizerSequence, largest_px: float, least_px: float) -> BoolArray:
+def _believed(
+    motions: Motions,
+    doubts: dict[int, str],
+    photos: PolarizerSequence,
+    largest_px: float,
+    largest_turn_deg: float,
+    least_px: float,
+) -> BoolArray:
     """Which photographs are moved; says what was found and why the others stay."""
-    length = np.hypot(*shifts.shift_px.T)
-    unknown = ~np.isfinite(shifts.deviation_px) | ~np.isfinite(length)
-    too_far = ~unknown & (length > largest_px)
-    still = length < np.maximum(least_px, 3 * shifts.deviation_px)
-    unknown[0] = too_far[0] = False
-    for k in np.flatnonzero(unknown | too_far):
-        reason = "too few edges to tell its shift" if unknown[k] else f"a shift of {length[k]:.1f} px is not believed"
+    length, deviation = np.hypot(*motions.shift_px.T), motions.deviation_px
+    lever = corner_px(photos.valid.shape)
+    turn_px, turn_deviation_px = np.abs(motions.turn_rad) * lever, motions.deviation_rad * lever
+    reasons: dict[int, str] = {}
+    for k in range(1, len(length)):
+        if not np.isfinite([deviation[k], turn_deviation_px[k], length[k], turn_px[k]]).all():
+            reasons[k] = "too few edges to tell its motion"
+        elif k in doubts:
+            reasons[k] = doubts[k]
+        elif motions.drift_px > DRIFTING_PX:
+            reasons[k] = f"the edges drift by {motions.drift_px:.2f} px, as no motion of photographs makes them"
+        elif motions.last_step_px > _UNSETTLED_PX:
+            reasons[k] = "the edges do not settle on a motion"
+        elif length[k] > largest_px:
+            reasons[k] = f"a shift of {length[k]:.1f} px is not believed"
+        elif abs(motions.turn_rad[k]) > np.deg2rad(largest_turn_deg):
+            reasons[k] = f"a turn of {np.rad2deg(motions.turn_rad[k]):.2f} degrees is not believed"
+    for k, reason in reasons.items():
         _log.warning("Photo %d (%g deg) was left where it was: %s.", k, np.rad2deg(photos.polarizer_rad[k]), reason)
-    moved = ~(unknown | too_far | still)
-    moved[0] = False
+    moved = (length > np.maximum(least_px, 3 * deviation)) | (turn_px > np.maximum(least_px, 3 * turn_deviation_px))
+    moved[[0, *reasons]] = False
     _log.info(
-        "Shifts found, right and down in pixels: %s. Moved: %s; the rest lie within %g px or three deviations.",
-        ", ".join(f"({column:+.3f}, {row:+.3f})" for row, column in shifts.shift_px),
+        "Shifts found, right and down in pixels: %s%s. Moved: %s; the rest lie within %g px or three deviations.",
+        ", ".join(f"({column:+.3f}, {row:+.3f})" for row, column in motions.shift_px),
+        _turns_in_words(motions),
         ", ".join(str(k) for k in np.flatnonzero(moved)) or "none",
         least_px,
     )
     return np.asarray(moved)
 
 
+def _turns_in_words(motions: Motions) -> str:
+    shifts = f"; standard deviations up to {np.max(motions.deviation_px):.4f}"
+    if not motions.turn_rad.any():
+        return shifts
+    degrees = ", ".join(f"{turn:+.4f}" for turn in np.rad2deg(motions.turn_rad))
+    return (
+        f"{shifts}. Turns, anticlockwise in degrees: {degrees}; up to {np.rad2deg(np.max(motions.deviation_rad)):.4f}"
+    )
+
+
 def _resampled(
-    photos: PolarizerSequence, coefficients: Float32Array, shift_px: NDArray[np.float64], moved: BoolArray
+    photos: PolarizerSequence, finite: Float32Array, motions: Motions, moved: BoolArray
 ) -> PolarizerSequence:
     if not moved.any():
         return photos
@@ -179,23 +279,12 @@ def _resampled(
 
     def resample(start: int, stop: int) -> None:
         for k in range(start, stop):
-            row, column = shift_px[k]
             if moved[k]:
-                images[k] = sample_translated(coefficients[k], (row, column))
-                clear[k] = ndimage.shift(near_valid, (-round(row), -round(column)), order=0, cval=0).astype(bool)
-                clear[k] &= _inside(clear[k].shape, row, column)
+                motion = motions.of(k)
+                images[k] = sample_rigid(quintic_coefficients(finite[k]), motion)
+                clear[k] = resampled(near_valid, motion, near_valid.shape, order=0, outside=0.0) > 0
             else:
-                images[k] = photos.images[k]
-                clear[k] = photos.valid
+                images[k], clear[k] = photos.images[k], photos.valid
 
     over_rows(resample, len(images), tile=1)
     return dataclasses.replace(photos, images=images, valid=np.logical_and.reduce(clear, axis=0))
-
-
-def _inside(shape: tuple[int, ...], row: float, column: float) -> BoolArray:
-    """Pixels whose content lies within the photograph after the shift."""
-    rows = np.arange(shape[0]) + row
-    columns = np.arange(shape[1]) + column
-    down = (rows >= 0) & (rows <= shape[0] - 1)
-    across = (columns >= 0) & (columns <= shape[1] - 1)
-    return down[:, None] & across[None, :]

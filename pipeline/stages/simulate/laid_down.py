@@ -11,7 +11,7 @@ from pipeline.data import FloatArray, GratingSample
 from pipeline.limits import refuse, within
 from pipeline.optics.angles import wrap_axial
 from pipeline.optics.rigid import RigidMotion
-from pipeline.optics.superposition import resampled
+from pipeline.optics.rigid_sampling import resampled
 
 _log = logging.getLogger(__name__)
 
