@@ -1,4 +1,4 @@
-"""The cosine fit against polanalyser's Stokes fit and against copying the same bytes.
+"""The cosine fit and the curve fit against polanalyser's Stokes fit and against copying the same bytes.
 
     python benchmarks/fit_speed.py
 
@@ -6,7 +6,8 @@
 best time stands. polanalyser is called as its documentation shows (``calcStokes`` with a list of angles, then
 ``cvtStokesToAoLP``) and uses as many threads as NumPy's linear algebra does; it gives the angle only, the fit gives
 angle, correlation and mean. ``stage`` is ``fit.cosine`` as an experiment calls it, mask and map included (float32 only:
-stages exchange float32).
+stages exchange float32). ``curve known`` is ``fit.jones`` where zeroth order and film are given, ``curve searched``
+where they are not.
 """
 
 from __future__ import annotations
@@ -21,21 +22,28 @@ import polanalyser as pa
 from pipeline.data import PolarizerSequence
 from pipeline.optics.angles import axial_difference
 from pipeline.optics.harmonic import fit_rows, harmonic_fit
+from pipeline.optics.response_curve import FilmedGrating, relative_stokes
 from pipeline.parallel import cores, over_rows, thread_budget
 from pipeline.stages.fit.cosine import cosine
+from pipeline.stages.fit.jones import jones
 
 SHAPE = (12, 2000, 3000)
 ROUNDS = 15
+KNOWN = {"amplitude_ratio": 1.08, "phase_deg": 40.0, "retardation_deg": 8.0}
+GRATING = FilmedGrating(1.08, np.deg2rad(40.0), np.deg2rad(8.0))
 
 
 def photographs(dtype: type) -> tuple[np.ndarray, np.ndarray]:
-    """Cosines of random phase, contrast and brightness, with noise."""
+    """Gratings of random orientation and brightness under a film, with noise."""
     rng = np.random.default_rng(0)
     angles = np.arange(SHAPE[0]) * np.pi / SHAPE[0]
-    phase, contrast, level = rng.random((3, *SHAPE[1:]), np.float32)
+    orientation, level = rng.random((2, *SHAPE[1:]), np.float32)
+    _, s1, s2 = relative_stokes(np.linspace(0, np.pi, 4096), GRATING)
+    place = (orientation * 4095).astype(np.int32)
+    s1, s2 = s1.astype(np.float32)[place], s2.astype(np.float32)[place]
     images = np.empty(SHAPE, dtype)
     for image, angle in zip(images, angles, strict=True):
-        signal = (0.2 + 0.3 * level) * (1 + 0.9 * contrast * np.cos(2 * angle - 2 * np.pi * phase))
+        signal = (0.2 + 0.3 * level) * (1 + s1 * np.cos(2 * angle) + s2 * np.sin(2 * angle))
         signal += 0.002 * rng.standard_normal(SHAPE[1:], np.float32)
         image[:] = signal if dtype is np.float32 else np.rint(65535 * np.clip(signal, 0, 1))
     return images, angles
@@ -75,9 +83,12 @@ def main() -> None:
             if dtype is np.float32:
                 ways["stage, prenormalize", threads] = lambda p=photos: cosine(p)
                 ways["stage, not prenormalize", threads] = lambda p=photos: cosine(p, prenormalize=False)
+                ways["curve known", threads] = lambda p=photos: jones(p, **KNOWN)
+                ways["curve searched", threads] = lambda p=photos: jones(p)
         fit()
         if dtype is np.float32:
             cosine(photos)
+            jones(photos)
         best = dict.fromkeys([("polanalyser", 1), *ways], np.inf)
         for _ in range(ROUNDS):
             for key, work in ways.items():

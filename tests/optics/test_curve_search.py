@@ -5,7 +5,7 @@ import pytest
 from clouds import cloud
 from scipy.spatial import cKDTree
 
-from pipeline.optics.angles import axial_difference
+from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.optics.curve_reading import orientation_gradient
 from pipeline.optics.curve_search import find_curve, rival_turn, turn_by_unknowns
 from pipeline.optics.response_curve import FilmedGrating, StokesNoise, response_curve
@@ -47,6 +47,26 @@ def test_a_curve_that_winds_through_all_points_is_not_taken_for_a_good_one():
     assert np.median(winding.query(points.stokes)[0]) < 0.8 * np.median(own.query(points.stokes)[0])
     found = find_curve(points, {"film_axis_rad": 0.0})
     assert np.rad2deg(found.grating.retardation_rad) == pytest.approx(3, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("true", [(1.08, 20, 8), (1.08, 170, 3), (1.08, 170, 8), (1.08, 176, 8), (1.08, 176, 30)])
+def test_bunched_orientations_and_a_weak_modulation_lead_to_no_false_curve(true, seed):
+    theta = np.deg2rad(np.random.default_rng(seed).choice([10, 20, 30, 40, 55, 60, 90], 3000))
+    points = cloud(grating(*true), theta)
+    found = find_curve(points, {"film_axis_rad": 0.0})
+    turn = rival_turn(found, grating(*true), points.stokes)
+    assert np.rad2deg(np.mean(np.abs(axial_difference(turn, axial_median(turn))))) < 0.5
+
+
+def test_a_circle_is_read_right_by_whichever_of_its_curves_is_taken():
+    """Without a film, folded curves of R near 1 fit the points of a small circle as well as the circle."""
+    true = grating(1.08, 176, 0)
+    points = cloud(true, FACETS)
+    found = find_curve(points, {"film_axis_rad": 0.0})
+    assert found.rivals
+    turn = rival_turn(found, true, points.stokes)
+    assert np.rad2deg(np.mean(np.abs(axial_difference(turn, axial_median(turn))))) < 0.6
 
 
 def test_without_a_film_the_offset_is_not_known():
