@@ -106,13 +106,16 @@ def find_curve(points: Points, known: dict[str, float]) -> CurveFit:
     fine = _Problem(points.take(_FINE_POINTS), given, unknowns)
     refined = fine.ranked([rough.descend(start[list(unknowns)], tolerance=1e-4) for start in begin])
     final = fine.ranked([fine.descend(x, times=2) for _, x in refined[:_FINAL]], evident=True)
-    rivals = [x for cost, x in final[1:] if cost - final[0][0] < _UNDECIDED]
+    undecided = _UNDECIDED + len(fine.points.stokes) * _SYSTEMATIC**2 / 2
+    rivals = [x for cost, x in final[1:] if cost - final[0][0] < undecided]
     whole = _Problem(points, given, unknowns)
     return _described(whole, whole.descend(final[0][1], times=2), rivals)
 
 
 _UNDECIDED = 12.0
 """Difference of two log likelihoods below which the points do not decide between two curves."""
+_SYSTEMATIC = 0.3
+"""Error that all points may share, in units of their noise, as from misread angles: numbers do not average it out."""
 
 
 class _Problem:
