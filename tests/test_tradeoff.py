@@ -140,7 +140,7 @@ def test_what_is_charted_changes_no_run(toys: Toys) -> None:
     assert toys.load("tradeoff={error: a, node: big}", "maps={rows: a, columns: b, metrics: c}").digest == plain
 
 
-SCENES = ("logo", "kinematic", "banknote", "stars", "fireworks", "cd")
+SCENES = ("logo", "kinematic", "banknote", "stars", "fireworks", "facets", "cd")
 
 
 @pytest.mark.parametrize("scene", SCENES)
