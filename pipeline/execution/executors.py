@@ -7,11 +7,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from pipeline.errors import InputError, PipelineError, nearest
 from pipeline.execution.outcome import Listener, Outcome
+from pipeline.execution.relays import heard, listening, relayed
 from pipeline.execution.workbench import Workbench
 from pipeline.parallel import cores
 from pipeline.progress import go_on, stop
@@ -100,7 +101,7 @@ class InThisProcess:
 
         names = list(graph)
         whole = {BENCH: workbench, **graph}
-        with _heard(workbench.listener) as ended:
+        with heard(workbench.listener) as ended:
             if self.workers == 1:
                 get_sync(whole, names)
                 return ended
@@ -133,9 +134,9 @@ class InProcesses:
 
         spawn = multiprocessing.get_context("spawn")
         workers = min(self.workers, len(graph))
-        with spawn.Manager() as manager, _relayed(manager.Queue(), workbench.listener) as relay:
+        with spawn.Manager() as manager, relayed(manager.Queue(), workbench.listener) as relay:
             bench = replace(workbench, listener=relay, cores=max(1, cores() // workers))
-            with _heard(workbench.listener) as ended, ProcessPoolExecutor(workers, spawn) as pool:
+            with heard(workbench.listener) as ended, ProcessPoolExecutor(workers, spawn) as pool:
                 try:
                     get({BENCH: bench, **graph}, list(graph), pool=pool, chunksize=1, optimize_graph=False)
                 except BrokenProcessPool:
@@ -204,7 +205,7 @@ class OnCluster:
         while left:
             before = len(ended)
             try:
-                with self._client() as client, _listening(client, workbench.listener) as relay:
+                with self._client() as client, listening(client, workbench.listener) as relay:
                     away = self.address is not None
                     bench = replace(workbench, listener=relay, cores=None if away else 1, elsewhere=away)
                     self._all(client, left, bench, ended, workbench.listener)
@@ -334,106 +335,6 @@ def _distributed(workers: int | None, settings: Mapping[str, Any], log: Callable
             expected="pip install distributed",
         ) from None
     return OnCluster(workers or cores(), settings.get("address"), bool(settings.get("dashboard", True)), log)
-
-
-@contextmanager
-def _heard(listener: Listener) -> Iterator[dict[str, Outcome]]:
-    """Collect the outcomes of a local dask scheduler, and pass them on as they come."""
-    from dask.callbacks import Callback
-
-    ended: dict[str, Outcome] = {}
-
-    def after(key: Any, result: Any, graph: Any, state: Any, worker: Any) -> None:
-        if isinstance(result, Outcome):
-            ended[result.name] = result
-            listener.ended(result)
-
-    with Callback(posttask=after):
-        yield ended
-
-
-@dataclass
-class _Relay:
-    """A listener in another process; what it hears is put into a queue that the run's process empties."""
-
-    queue: Any
-    _started: set[str] = field(default_factory=set)
-
-    def started(self, name: str) -> None:
-        """Pass on that a stage has begun."""
-        self.queue.put(("started", name))
-
-    def advanced(self, name: str, done: int, total: int) -> None:
-        """Pass on that a stage has come further."""
-        self.queue.put(("advanced", name, done, total))
-
-    def ended(self, outcome: Outcome) -> None:
-        """Say nothing: the outcome is the task's value, and comes by itself."""
-
-    def running(self, ended: Mapping[str, Outcome]) -> list[str]:
-        """Names of the stages that began and of whose end nothing was heard."""
-        return sorted(name for name in self._started if name not in ended)
-
-
-@contextmanager
-def _relayed(queue: Any, listener: Listener) -> Iterator[_Relay]:
-    relay = _Relay(queue)
-
-    def pump() -> None:
-        while (event := queue.get()) is not None:
-            if event[0] == "started":
-                relay._started.add(event[1])
-                listener.started(event[1])
-            else:
-                listener.advanced(*event[1:])
-
-    thread = threading.Thread(target=pump, daemon=True)
-    thread.start()
-    try:
-        yield relay
-    finally:
-        queue.put(None)
-        thread.join()
-
-
-@dataclass
-class _WorkerEvents:
-    """A listener on a worker of a cluster; what it hears goes out as events of a topic."""
-
-    topic: str
-
-    def started(self, name: str) -> None:
-        """Pass on that a stage has begun."""
-        self._say(["started", name])
-
-    def advanced(self, name: str, done: int, total: int) -> None:
-        """Pass on that a stage has come further."""
-        self._say(["advanced", name, done, total])
-
-    def ended(self, outcome: Outcome) -> None:
-        """Say nothing: the outcome is the task's value, and comes by itself."""
-
-    def _say(self, event: list[Any]) -> None:
-        from dask.distributed import get_worker
-
-        get_worker().log_event(self.topic, event)
-
-
-@contextmanager
-def _listening(client: Any, listener: Listener) -> Iterator[_WorkerEvents]:
-    from uuid import uuid4
-
-    topic = f"optibench-{uuid4().hex}"
-
-    def heard(event: tuple[float, list[Any]]) -> None:
-        kind, *words = event[1]
-        (listener.started if kind == "started" else listener.advanced)(*words)
-
-    client.subscribe_topic(topic, heard)
-    try:
-        yield _WorkerEvents(topic)
-    finally:
-        client.unsubscribe_topic(topic)
 
 
 __all__ = ["BENCH", "Executor", "PipelineError", "executor_of"]

@@ -108,7 +108,7 @@ def test_a_cluster_whose_workers_do_not_come_back_is_started_anew(toys: Toys, mo
         return
 
     monkeypatch.setattr("distributed.nanny.Nanny._on_worker_exit", gives_up)
-    monkeypatch.setattr("pipeline.execution.executors._DESERTED_S", 1.0)
+    monkeypatch.setattr("pipeline.execution.executors._DESERTED_S", 4.0)
     toys.graph(
         f"""\
         raw: {{stage: toy.source}}

@@ -377,7 +377,7 @@ def test_real_photographs_already_aligned_keep_their_angle(measurements, scene, 
     names = [f"NIR_filtre_nir_{a}_aligned.tif" for a in (0, 45, 90, 135)]
     images = np.stack([oiio.ImageBuf(str(folder / name)).get_pixels(oiio.FLOAT)[..., 0] for name in names])
     aligned = register(PolarizerSequence(images, angles, np.ones(images.shape[1:], bool)))
-    assert np.abs(found[0].shift_px).max() < 0.5  # of an alignment whose accuracy is not known
+    assert np.abs(found[0].shift_px).max() < 0.3  # of an alignment whose accuracy is not known
     angle = cosine(aligned, prenormalize=False).orientation_rad
     oracle = polanalyser.cvtStokesToAoLP(polanalyser.calcStokes(images, angles))
     assert np.nanmedian(np.rad2deg(np.abs(axial_difference(angle, oracle)))) < 0.5
