@@ -198,28 +198,30 @@ class OnCluster:
         """Run all tasks; those of a worker that dies are run by another one.
 
         Dask blames all tasks that wait on a worker for its death, and gives up those blamed several times. They get
-        another chance one by one, which shows the stage that kills; then the rest goes on.
+        another chance one by one, which shows the stage that kills; then the rest goes on. So do all tasks once a
+        cluster has lost its workers for good, since a dead worker takes along outcomes that nobody has heard yet.
         """
         ended: dict[str, Outcome] = {}
-        left, attempts = graph, 0
+        left, lost = graph, 0
         while left:
             before = len(ended)
             try:
                 with self._client() as client, listening(client, workbench.listener) as relay:
                     away = self.address is not None
                     bench = replace(workbench, listener=relay, cores=None if away else 1, elsewhere=away)
-                    self._all(client, left, bench, ended, workbench.listener)
+                    while left:
+                        part = _first(left) if lost else left
+                        self._all(client, part, bench, ended, workbench.listener)
+                        left = _remaining(left, ended, f"again after {next(iter(left))[0]}")
             except _Deserted:
-                attempts = attempts + 1 if len(ended) == before else 0
+                lost = lost + 1 if len(ended) == before else 1
                 self.log("all workers are gone; new ones are started")
-            left = _remaining(left, ended, f"again after {next(iter(left))[0]}")
-            if left and attempts == _ATTEMPTS:
-                for (_, name), (*_, waits_for) in left.items():
-                    if all(isinstance(upstream, Outcome) for upstream in waits_for):
-                        ended[name] = Outcome(name, "failed", error="no worker of the cluster stays alive")
-                        workbench.listener.ended(ended[name])
-                waiting = _remaining(left, ended, "blocked")
-                return {**ended, **InThisProcess(1).run(waiting, workbench)}
+            left = _remaining(left, ended, f"again after {next(iter(left))[0]}") if left else {}
+            if left and lost >= _ATTEMPTS:
+                for _, name in _first(left):
+                    ended[name] = Outcome(name, "failed", error="no worker of the cluster stays alive")
+                    workbench.listener.ended(ended[name])
+                left = _remaining(left, ended, f"without {next(iter(left))[0]}")
         return ended
 
     def _all(
@@ -296,6 +298,13 @@ class OnCluster:
 
         if self.dashboard and find_spec("bokeh") is not None:
             self.log(f"dashboard: {client.dashboard_link}")
+
+
+def _first(graph: TaskGraph) -> TaskGraph:
+    """The first task that waits for no other one."""
+    ready = (name for name, task in graph.items() if all(isinstance(upstream, Outcome) for upstream in task[-1]))
+    first = next(ready)
+    return {first: graph[first]}
 
 
 def _remaining(graph: TaskGraph, ended: Mapping[str, Outcome], kind: str) -> TaskGraph:

@@ -108,13 +108,15 @@ def test_a_cluster_whose_workers_do_not_come_back_is_started_anew(toys: Toys, mo
         return
 
     monkeypatch.setattr("distributed.nanny.Nanny._on_worker_exit", gives_up)
-    monkeypatch.setattr("pipeline.execution.executors._DESERTED_S", 4.0)
+    monkeypatch.setattr("pipeline.execution.executors._DESERTED_S", 1.0)
+    monkeypatch.setattr("pipeline.execution.executors._ATTEMPTS", 2)
     toys.graph(
         f"""\
         raw: {{stage: toy.source}}
         once: {{stage: toy.kills_its_process, maps: raw, unless: {toys.folder / "dead"}}}
         always: {{stage: toy.kills_its_process, maps: once}}
         after: {{stage: toy.clip, maps: always}}
+        besides: {{stage: toy.clip, maps: once}}
         """
     )
     run = toys.run("executor=distributed", "executor.workers=1", "executor.dashboard=false")
