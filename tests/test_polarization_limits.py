@@ -40,7 +40,7 @@ def test_every_study_of_limits_is_tried_here() -> None:
 @pytest.mark.parametrize("study", POINTS)
 def test_every_study_charts_error_and_confidence(study: str, tmp_path: Path) -> None:
     one_map = "maps.metrics=[error_mean_deg]"
-    done = swept(tmp_path, study, "estimator=cosine,prenormalized", one_map, *POINTS[study])
+    done = swept(tmp_path, study, "estimator=cosine", one_map, *POINTS[study])
     assert not done.failed
     assert done.maps is not None
     assert {"error_mean_deg", "bad_percent", "good_flagged_percent", "bound_mean_deg"} <= set(done.metrics)
@@ -48,8 +48,7 @@ def test_every_study_charts_error_and_confidence(study: str, tmp_path: Path) -> 
 
 
 def test_a_film_turns_the_cosine_and_not_the_curve(tmp_path: Path) -> None:
-    found = errors(
-        swept(tmp_path, "polarization", "estimator=cosine,jones", *POINTS["polarization"]), "retardation_deg"
-    )
+    words = ("estimator=cosine,jones", "phase_deg=45", "retardation_deg=15")
+    found = errors(swept(tmp_path, "polarization", *words), "retardation_deg")
     assert found["cosine", "15"] > 3 * found["jones", "15"]
     assert found["jones", "15"] < 1.0

@@ -127,7 +127,7 @@ def test_real_photographs_give_the_angle_that_polanalyser_computes(
     results: Path, measurements: Path, scene: str
 ) -> None:
     folder = measurements / "polarization" / scene
-    found = run(results, "rig=replay", f"rig.folder={folder}", "graph.fit.prenormalize=false")["fit"]
+    found = run(results, "rig=replay", f"rig.folder={folder}", "graph.fit.prenormalize=false", "until=fit")["fit"]
     angles = (0, 45, 90, 135)
     images = [cv2.imread(str(folder / f"NIR_filtre_nir_{a}_aligned.tif"), cv2.IMREAD_UNCHANGED) for a in angles]
     stokes = pa.calcStokes(np.array(images, np.float64), np.deg2rad(angles))
@@ -138,7 +138,7 @@ def test_a_polarisation_cameras_frame_gives_the_angle_that_polanalyser_computes(
     results: Path, measurements: Path
 ) -> None:
     folder = measurements / "polarization" / "filters"
-    done = run(results, "rig=replay", f"rig.folder={folder}", "graph.fit.prenormalize=false")
+    done = run(results, "rig=replay", f"rig.folder={folder}", "graph.fit.prenormalize=false", "until=fit")
     found = done["fit"].orientation_rad
     raw = cv2.imread(str(folder / "raw.png"), cv2.IMREAD_UNCHANGED)
     # 16 bits, since polanalyser rounds interpolated values to whole counts

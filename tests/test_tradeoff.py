@@ -166,9 +166,9 @@ def test_the_study_sweeps_all_of_its_scenes_and_estimators() -> None:
 
 def test_the_study_charts_its_estimators_unsmoothed(tmp_path: Path) -> None:
     small = ["rig.camera.pixel_mm=0.15", "graph.photos.count=4", "tradeoff.repeats=1"]
-    few = ["scene=stars", "rig.camera.electrons=10000"]
+    few = ["scene=stars", "rig.camera.electrons=10000", "estimator=cosine,prenormalized"]
     done = run_sweep(["+experiment=tradeoff_polarization", f"paths.runs={tmp_path}", *few, *small], [], Silent())
-    assert [point.settings["estimator"] for point in done.points] == ["cosine", "prenormalized", "jones"]
+    assert [point.settings["estimator"] for point in done.points] == ["cosine", "prenormalized"]
     assert {node.name for node in done.points[0].run.nodes.values() if node.stage} == {
         "sample",
         "photos",

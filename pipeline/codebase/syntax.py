@@ -8,6 +8,7 @@ import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from pipeline.storage.keys import DIGEST_CHARACTERS
@@ -49,8 +50,9 @@ TOLERANCE = "_tolerance_"
 """What precedes a stage's name in that of the dict that says by how much its fields may differ on another machine."""
 
 
+@lru_cache(maxsize=4096)
 def parse(module: str, text: bytes, *, is_package: bool) -> dict[str, Any]:
-    """Code digest, imports, origins of names, and public signatures of a module, as plain values.
+    """Code digest, imports, origins of names, and public signatures of a module, as plain values that nobody changes.
 
     Tolerances that only :mod:`pipeline.review.verification` looks at change no value, and are no part of the code.
 

@@ -150,6 +150,7 @@ class _Deserted(Exception):
     """A cluster of our own has lost all its workers, and none comes back."""
 
 
+_ANSWER_S = 10.0
 _ATTEMPTS = 3
 _DESERTED_S = 60.0
 
@@ -269,7 +270,7 @@ class OnCluster:
 
         if self.address:
             try:
-                client = Client(self.address, timeout=10)
+                client = Client(self.address, timeout=_ANSWER_S)
             except (OSError, ValueError) as error:
                 raise InputError(
                     f"no dask scheduler answers at {self.address}: {error}",

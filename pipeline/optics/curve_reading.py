@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtri
 
-from pipeline.optics.harmonic import TILE, HarmonicFit, accumulate, read_only
+from pipeline.optics.harmonic import HarmonicFit, accumulate, read_only
 from pipeline.optics.response_curve import ResponseCurve, StokesNoise
 
 Float32Array = NDArray[np.float32]
@@ -24,9 +24,18 @@ Float64Array = NDArray[np.float64]
 ReadingMaps = tuple[Float32Array, Float32Array, Float32Array, Float32Array]
 
 CELLS = 256
+_TILE = 512
 _MARGIN = 0.25
 _BRANCHES_APART = np.pi / 12
 _ELSEWHERE = 1e30
+_FAR = np.float32(40)
+_COARSE = 8
+_KEPT, _RIVAL, _TURN = 12, 10, 11
+"""Numbers of a cell: the plane that the orientation is within it, as its value where ``s1 = s2 = 0`` and its two
+derivatives; the plane of the distance from the curve, in units of the noise of a pixel of one electron; the variance of
+the orientation from such noise, and that from the unknowns of the curve; what a squared distance of one adds to the
+residual; the reciprocal of the relative brightness; and of the nearest other branch by how much its squared distance is
+larger, and the squared turn to it."""
 _UNUSUAL = 1e-3
 """Pixels that fit worse than this share would by chance are no better than they fit."""
 
@@ -39,15 +48,8 @@ class Reading:
     ----------
     origin : ndarray of shape (2,), cell : float
         Lower corner of the grid in the plane of ``(s1, s2)``, and width of its square cells.
-    cells : ndarray of shape (CELLS, CELLS, 4), float32
-        By s2, then s1: the plane that the orientation is within the cell, as its value where ``s1 = s2 = 0`` and its
-        derivatives, and the number of the nearest sample of the curve.
-    rivals : ndarray of shape (CELLS, CELLS, 2), float32
-        Of the nearest other branch of the curve: by how much its squared distance is larger, in units of noise for a
-        pixel of one electron, and the squared turn to it.
-    samples : ndarray of shape (T, 8), float32
-        Of the curve: point, direction of the distance in units of noise, variance of the orientation from noise and
-        from the unknowns of the curve, what a squared distance of one adds to the residual, and relative brightness.
+    cells : ndarray of shape (CELLS, CELLS, 12), float32
+        By s2, then s1: what ``_KEPT`` names, of the curve's nearest place.
     residual : float
         Expected weighted sum of squares left over by the three sums, of a pixel of one electron; mean over the curve.
     rivalled : bool
@@ -57,8 +59,6 @@ class Reading:
     origin: Float64Array
     cell: float
     cells: Float32Array
-    rivals: Float32Array
-    samples: Float32Array
     residual: float
     rivalled: bool
 
@@ -98,20 +98,27 @@ def reading(
     share = fit.gram[0] * unit[:, 0] ** 2 + 2 * fit.gram[1] * unit[:, 0] * unit[:, 1] + fit.gram[2] * unit[:, 1] ** 2
     own = np.broadcast_to(curve_variance, variance.shape)
     relative = curve.brightness / curve.brightness.mean()
-    samples = np.column_stack([curve.stokes, normal / width[:, None], variance, own, share, relative])
+    towards = normal / width[:, None]
+    zero = -(towards * curve.stokes).sum(axis=1)
+    samples = np.column_stack([zero, towards, variance, own, share, 1 / relative])
     low, high = curve.stokes.min(axis=0), curve.stokes.max(axis=0)
     reach = float((high - low).max()) * (0.5 + _MARGIN) + spread
     origin, cell = (low + high) / 2 - reach, 2 * reach / CELLS
     bend = np.gradient(np.concatenate([curve.slope[-2:], curve.slope, curve.slope[:2]]), np.pi / len(normal), axis=0)
-    cells = np.empty((CELLS, CELLS, 4), np.float32)
-    rivals = np.empty((CELLS, CELLS, 2), np.float32)
-    _fill(origin, cell, curve.orientation_rad, curve.stokes, inverse, curve.slope, bend[2:-2], gradient, cells, rivals)
-    rivalled = bool((rivals[..., 0] < 1e-3).any())
+    cells = np.empty((CELLS, CELLS, _KEPT), np.float32)
+    _fill(origin, cell, curve.orientation_rad, curve.stokes, inverse, curve.slope, bend[2:-2], gradient, samples, cells)
+    rivalled = bool((cells[..., _RIVAL] < 1e-3).any())
     residual = float(noise.residual(curve.stokes).mean())
-    return Reading(origin, cell, cells, rivals, samples.astype(np.float32), residual, rivalled)
+    return Reading(origin, cell, cells, residual, rivalled)
 
 
 @njit(cache=True, error_model="numpy")
+def _distance(s1: float, s2: float, points: Any, inverse: Any, t: int) -> Any:
+    x, y = s1 - points[t, 0], s2 - points[t, 1]
+    return inverse[t, 0, 0] * x * x + 2 * inverse[t, 0, 1] * x * y + inverse[t, 1, 1] * y * y
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def _fill(
     origin: Any,
     cell: float,
@@ -121,34 +128,54 @@ def _fill(
     slope: Any,
     bend: Any,
     gradient: Any,
+    samples: Any,
     cells: Any,
-    rivals: Any,
 ) -> None:
-    """Nearest sample and nearest sample of another branch, for the middle of every cell."""
+    """Nearest sample and nearest sample of another branch, for the middle of every cell.
+
+    Every ``_COARSE``-th sample shows the valleys of the distance, and only there the others are looked at.
+    """
     count = len(orientation)
     apart = int(_BRANCHES_APART / np.pi * count)
-    square = np.empty(count)
+    middle1, middle2 = points[::_COARSE, 0].copy(), points[::_COARSE, 1].copy()
+    i00, i11 = inverse[::_COARSE, 0, 0].copy(), inverse[::_COARSE, 1, 1].copy()
+    i01 = 2 * inverse[::_COARSE, 0, 1]
+    steps = len(middle1)
+    square = np.empty(steps + 2)  # the last before the first, the first after the last
+    valleys = np.empty(steps, np.int64)
     for row in range(len(cells)):
         s2 = origin[1] + (row + 0.5) * cell
         for column in range(len(cells)):
             s1 = origin[0] + (column + 0.5) * cell
-            best = 0
-            for t in range(count):
-                x, y = s1 - points[t, 0], s2 - points[t, 1]
-                square[t] = inverse[t, 0, 0] * x * x + 2 * inverse[t, 0, 1] * x * y + inverse[t, 1, 1] * y * y
-                best = t if square[t] < square[best] else best
-            other = -1
-            for t in range(count):
-                between = abs(t - best)
-                far = min(between, count - between) >= apart
-                if far and square[t] <= square[t - 1] and square[t] <= square[(t + 1) % count]:
-                    other = t if other < 0 or square[t] < square[other] else other
+            for k in range(steps):
+                x, y = s1 - middle1[k], s2 - middle2[k]
+                square[k + 1] = i00[k] * x * x + i01[k] * x * y + i11[k] * y * y
+            square[0], square[steps + 1] = square[steps], square[1]
+            found = 0
+            for k in range(steps):
+                if square[k + 1] <= square[k] and square[k + 1] <= square[k + 2]:
+                    valleys[found] = k * _COARSE
+                    found += 1
+            best, other = -1, -1
+            nearest, second = np.inf, np.inf
+            for v in range(found):
+                for t in range(valleys[v] - _COARSE + 1, valleys[v] + _COARSE):
+                    away = _distance(s1, s2, points, inverse, t % count)
+                    if away < nearest:
+                        best, nearest = t % count, away
+            for v in range(found):
+                for t in range(valleys[v] - _COARSE + 1, valleys[v] + _COARSE):
+                    between = abs(t % count - best)
+                    if min(between, count - between) >= apart:
+                        away = _distance(s1, s2, points, inverse, t % count)
+                        if away < second:
+                            other, second = t % count, away
             x, y = s1 - points[best, 0], s2 - points[best, 1]
             # Inside of a bend the orientation changes faster than on the curve, outside more slowly.
-            i00, i01, i11 = inverse[best, 0, 0], inverse[best, 0, 1], inverse[best, 1, 1]
+            a, b, c = inverse[best, 0, 0], inverse[best, 0, 1], inverse[best, 1, 1]
             dx, dy = slope[best, 0], slope[best, 1]
-            length = i00 * dx * dx + 2 * i01 * dx * dy + i11 * dy * dy
-            bent = i00 * x * bend[best, 0] + i01 * (x * bend[best, 1] + y * bend[best, 0]) + i11 * y * bend[best, 1]
+            length = a * dx * dx + 2 * b * dx * dy + c * dy * dy
+            bent = a * x * bend[best, 0] + b * (x * bend[best, 1] + y * bend[best, 0]) + c * y * bend[best, 1]
             faster = 1 / min(max(1 - bent / max(length, 1e-30), 0.3), 3.0)
             g1, g2 = gradient[best, 0] * faster, gradient[best, 1] * faster
             along = g1 * x + g2 * y  # the sample is the nearest of those there are, the curve goes on between them
@@ -158,14 +185,14 @@ def _fill(
             cells[row, column, 0] = theta - g1 * s1 - g2 * s2
             cells[row, column, 1] = g1
             cells[row, column, 2] = g2
-            cells[row, column, 3] = best
-            rivals[row, column, 0] = _ELSEWHERE
-            rivals[row, column, 1] = 0.0
+            cells[row, column, 3:_RIVAL] = samples[best]
+            cells[row, column, _RIVAL] = _ELSEWHERE
+            cells[row, column, _TURN] = 0.0
             if other >= 0:
                 turn = abs(orientation[other] - orientation[best])
                 turn = min(turn, np.pi - turn)
-                rivals[row, column, 0] = square[other] - square[best]
-                rivals[row, column, 1] = turn * turn
+                cells[row, column, _RIVAL] = second - nearest
+                cells[row, column, _TURN] = turn * turn
 
 
 def read_rows(
@@ -224,9 +251,7 @@ def read_rows(
             choice,
             weights,
             figures,
-            lookup.cells,
-            lookup.rivals,
-            lookup.samples,
+            lookup.cells.reshape(-1, _KEPT),
             lookup.rivalled,
             start,
             stop,
@@ -239,65 +264,95 @@ def read_rows(
 
 @njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def _read_rows(  # type: ignore[no-untyped-def]
-    images,
-    valid,
-    weights,
-    figures,
-    cells,
-    rivals,
-    samples,
-    rivalled,
-    start,
-    stop,
-    orientation,
-    correlation,
-    brightness,
-    error,
-    mask,
+    images, valid, weights, figures, cells, rivalled, start, stop, orientation, correlation, brightness, error, mask
 ):
     count, _, columns = images.shape
     none = np.zeros(count, np.float32)
-    sums = np.empty((5, TILE), np.float32)
+    sums = np.empty((5, _TILE), np.float32)
+    first, second, places = np.empty(_TILE, np.float32), np.empty(_TILE, np.float32), np.empty(_TILE, np.int32)
+    found = np.empty((_KEPT, _TILE), np.float32)
+    for row in range(start, stop):
+        for left in range(0, columns, _TILE):
+            width = min(_TILE, columns - left)
+            here = slice(left, left + width)
+            accumulate(images, none, weights, row, left, width, sums)
+            _place(sums, figures, width, first, second, places)
+            for j in range(width):
+                cell = cells[places[j]]
+                for i in range(_KEPT):
+                    found[i, j] = cell[i]
+            out = (orientation[row, here], correlation[row, here], brightness[row, here], error[row, here])
+            _describe(sums, first, second, found, figures, count, valid[row, here], *out, mask[row, here])
+            if rivalled:
+                _doubt(found, out[2], figures[8], out[3])
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+def _place(sums, figures, width, first, second, places):  # type: ignore[no-untyped-def]
+    """Relative Stokes parameters of some pixels, and the cell that each lies in."""
+    zeroth, cosine, sine, pivot = sums[0], sums[1], sums[2], sums[4]
+    low1, low2, per_cell, last = figures[5], figures[6], figures[7], np.float32(CELLS - 1)
+    for j in range(width):
+        level = pivot[j] + zeroth[j]
+        per_level = np.float32(1) / level
+        s1, s2 = cosine[j] * per_level, sine[j] * per_level
+        first[j], second[j] = s1, s2
+        u, v = (s1 - low1) * per_cell, (s2 - low2) * per_cell
+        u = last if u > last else u
+        v = last if v > last else v
+        u = u if u > np.float32(0) else np.float32(0)  # what is no number too
+        v = v if v > np.float32(0) else np.float32(0)
+        places[j] = np.int32(v) * np.int32(CELLS) + np.int32(u)
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+def _describe(  # type: ignore[no-untyped-def]
+    sums, first, second, found, figures, count, valid, orientation, correlation, brightness, error, mask
+):
     zeroth, cosine, sine, square, pivot = sums[0], sums[1], sums[2], sums[3], sums[4]
     centre_c, centre_s, gcc, gcs, gss = figures[0], figures[1], figures[2], figures[3], figures[4]
-    low1, low2, per_cell = figures[5], figures[6], figures[7]
     gain, least, per_freedom, unusual = figures[8], figures[9], figures[10], figures[11]
-    number, freedom = np.float32(count), np.float32(count - 2)
-    last, nothing, pi = len(cells) - 1, np.float32(np.nan), np.float32(np.pi)
-    one, half = np.float32(1), np.float32(0.5)
-    for row in range(start, stop):
-        for left in range(0, columns, TILE):
-            width = min(TILE, columns - left)
-            accumulate(images, none, weights, row, left, width, sums)
-            for j in range(width):
-                column = left + j
-                level = pivot[j] + zeroth[j]
-                brightness[row, column] = level
-                keep = valid[row, column] and level >= least and level > 0
-                mask[row, column] = keep
-                if not keep:
-                    orientation[row, column] = correlation[row, column] = error[row, column] = nothing
-                    continue
-                c, s = cosine[j], sine[j]
-                s1, s2 = c / level, s / level
-                u = min(max(int((s1 - low1) * per_cell), 0), last)
-                v = min(max(int((s2 - low2) * per_cell), 0), last)
-                theta = cells[v, u, 0] + cells[v, u, 1] * s1 + cells[v, u, 2] * s2
-                theta -= pi * np.floor(theta / pi)
-                orientation[row, column] = np.float32(0) if theta >= pi else theta
-                place = samples[int(cells[v, u, 3])]
-                brightness[row, column] = level / place[7]
-                away = place[2] * (s1 - place[0]) + place[3] * (s2 - place[1])
-                noise = gain / level
-                average = zeroth[j] + (c * centre_c + s * centre_s)
-                total = square[j] - number * average * average
-                explained = gcc * c * c + gcs * c * s + gss * s * s
-                unexplained = max(total - explained, np.float32(0))
-                added = level * level * place[6] * away * away
-                correlation[row, column] = np.sqrt(max(one - (unexplained + added) / total, np.float32(0)))
-                excess = (unexplained / (gain * level * per_freedom) + away * away / noise) / freedom
-                variance = noise * place[4] * (excess if excess > unusual else one) + place[5]
-                if rivalled and rivals[v, u, 0] < 20 * noise:
-                    odds = np.exp(-half * rivals[v, u, 0] / noise)
-                    variance += odds / (one + odds) * rivals[v, u, 1]
-                error[row, column] = np.sqrt(variance)
+    number, per_number = np.float32(count), np.float32(1) / np.float32(count - 2)
+    nothing, pi, per_pi = np.float32(np.nan), np.float32(np.pi), np.float32(1 / np.pi)
+    zero, one = np.float32(0), np.float32(1)
+    for j in range(len(valid)):
+        level, c, s = pivot[j] + zeroth[j], cosine[j], sine[j]
+        keep = valid[j] & (level >= least) & (level > zero)
+        mask[j] = keep
+        theta = found[0, j] + found[1, j] * first[j] + found[2, j] * second[j]
+        theta -= pi * np.floor(theta * per_pi)
+        theta = theta if (theta >= zero) & (theta < pi) else zero
+        away = found[3, j] + found[4, j] * first[j] + found[5, j] * second[j]
+        average = zeroth[j] + (c * centre_c + s * centre_s)
+        total = square[j] - number * average * average
+        unexplained = total - (gcc * c * c + gcs * c * s + gss * s * s)
+        unexplained = unexplained if unexplained > zero else zero
+        squared = away * away
+        share = one - (unexplained + level * level * found[8, j] * squared) / total
+        signal = one / (gain * level)
+        excess = (unexplained * signal * per_freedom + squared * level / gain) * per_number
+        excess = excess if excess > unusual else one
+        variance = gain / level * found[6, j] * excess + found[7, j]
+        orientation[j] = theta if keep else nothing
+        correlation[j] = np.sqrt(share if share > zero else zero) if keep else nothing
+        brightness[j] = level * found[9, j] if keep else level
+        error[j] = np.sqrt(variance) if keep else nothing
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+def _doubt(found, brightness, gain, error):  # type: ignore[no-untyped-def]
+    """Add the turn to another branch of the curve, as likely as it is that the pixel lies on that one."""
+    half, one, part = np.float32(0.5), np.float32(1), np.float32(1 / 256)
+    for j in range(len(error)):
+        x = half * found[_RIVAL, j] * brightness[j] / (found[9, j] * gain)
+        x = part * (x if x < _FAR else _FAR)
+        e = one + x + half * x * x  # e^x = (e^(x / 256))^256, in a form that runs side by side
+        e *= e
+        e *= e
+        e *= e
+        e *= e
+        e *= e
+        e *= e
+        e *= e
+        e *= e
+        error[j] = np.sqrt(error[j] * error[j] + found[_TURN, j] / (one + e))

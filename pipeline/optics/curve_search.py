@@ -125,7 +125,8 @@ class _Problem:
         self.points, self.given, self.unknowns = points, given, unknowns
         self.noise = StokesNoise(points.polarizer_rad, points.photo_weights)
         self.scale = 1.0
-        self.frozen: Float64Array | None = None
+        self._frozen: Float64Array | None = None
+        self._measured: tuple[Float64Array, tuple[Float64Array, NDArray[np.int_], Float64Array]] | None = None
 
     def grating(self, x: Float64Array) -> FilmedGrating:
         whole = self.given.copy()
@@ -147,18 +148,36 @@ class _Problem:
         normal = np.stack([-curve.slope[:, 1], curve.slope[:, 0]], axis=1)[nearest]
         if noise is None:
             noise = self.noise.covariance(curve.stokes)[nearest]
-        width = np.sqrt(np.einsum("pa,pab,pb->p", normal, noise, normal))
-        along = normal / np.maximum(width * self.points.scale, 1e-12)[:, None]
-        return ((self.points.stokes - curve.stokes[nearest]) * along).sum(axis=1), nearest, along
+        variance = (
+            noise[:, 0, 0] * normal[:, 0] ** 2
+            + 2 * noise[:, 0, 1] * normal[:, 0] * normal[:, 1]
+            + noise[:, 1, 1] * normal[:, 1] ** 2
+        )
+        along = normal / np.maximum(np.sqrt(variance) * self.points.scale, 1e-12)[:, None]
+        away = self.points.stokes - curve.stokes[nearest]
+        return away[:, 0] * along[:, 0] + away[:, 1] * along[:, 1], nearest, along
+
+    def freeze(self, x: Float64Array) -> None:
+        """Take every point's noise, and the scale of the residuals, from the curve of ``x``."""
+        distances, nearest, _ = self.distances(x)
+        self.scale = max(1.0, _robust_rms(distances))
+        self._frozen, self._measured = self.noise.covariance(self.curve(x).stokes)[nearest], None
+
+    def measured(self, x: Float64Array) -> tuple[Float64Array, NDArray[np.int_], Float64Array]:
+        """Distances in units of the frozen noise; a solver asks for residuals and Jacobian in turn."""
+        if self._measured is None or not np.array_equal(self._measured[0], x):
+            self._measured = x.copy(), self.distances(x, self._frozen)
+        return self._measured[1]
 
     def residuals(self, x: Float64Array) -> Float64Array:
         unlikely = (x - _EXPECTED[list(self.unknowns)]) / _PRIOR[list(self.unknowns)]
-        return np.concatenate([self.distances(x, self.frozen)[0] / self.scale, unlikely])
+        return np.concatenate([self.measured(x)[0] / self.scale, unlikely])
 
     def jacobian(self, x: Float64Array) -> Float64Array:
         """Of the residuals; where on the curve the nearest place lies does not change a distance to first order."""
-        _, nearest, along = self.distances(x, self.frozen)
-        columns = -(self.changes(x)[:, nearest] * along).sum(axis=2).T / self.scale
+        _, nearest, along = self.measured(x)
+        changes = self.changes(x)
+        columns = -(changes[:, nearest, 0] * along[:, 0] + changes[:, nearest, 1] * along[:, 1]).T / self.scale
         return np.concatenate([columns, np.diag(1 / _PRIOR[list(self.unknowns)])])
 
     def changes(self, x: Float64Array) -> Float64Array:
@@ -181,9 +200,7 @@ class _Problem:
         low, high = _LOW[list(self.unknowns)], _HIGH[list(self.unknowns)]
         x = np.clip(start, low + 1e-9, high - 1e-9)
         for _ in range(times):
-            distances, nearest, _ = self.distances(x)
-            self.scale = max(1.0, _robust_rms(distances))
-            self.frozen = self.noise.covariance(self.curve(x).stokes)[nearest]
+            self.freeze(x)
             found = least_squares(
                 self.residuals,
                 x,
@@ -227,11 +244,10 @@ class _Problem:
 
     def covariance(self, x: Float64Array) -> Float64Array:
         """Of the unknowns at a minimum, the points weighed as its robust cost does."""
-        distances, nearest, _ = self.distances(x)
-        self.frozen = self.noise.covariance(self.curve(x).stokes)[nearest]
-        self.scale = max(1.0, _robust_rms(distances))
+        self.freeze(x)
         jacobian = self.jacobian(x)
         weights = np.ones(len(jacobian))
+        distances = self.measured(x)[0]
         weights[: len(distances)] = 1 / (1 + (distances / self.scale / _ROBUST) ** 2)
         return np.asarray(np.linalg.inv(jacobian.T @ (jacobian * weights[:, None])), np.float64)
 
@@ -265,20 +281,33 @@ def _densities(points: Any, variance: Any, places: Any, inverse: Any, height: An
     """
     first = np.empty(len(points) + 1, np.int64)
     near, density = np.empty(64 * len(points), np.int32), np.empty(64 * len(points), np.float32)
+    step, least = 0.0, np.inf
+    for t in range(len(places)):
+        step = max(step, np.hypot(places[t, 0] - places[t - 1, 0], places[t, 1] - places[t - 1, 1]))
+        middle = (inverse[t, 0, 0] + inverse[t, 1, 1]) / 2
+        spread = np.hypot((inverse[t, 0, 0] - inverse[t, 1, 1]) / 2, inverse[t, 0, 1])
+        least = min(least, middle - spread)
     entry = 0
     for p in range(len(points)):
         first[p] = entry
         if entry + len(places) > len(near):
             near = np.concatenate((near, np.empty(len(near) + len(places), np.int32)))
             density = np.concatenate((density, np.empty(len(density) + len(places), np.float32)))
-        for t in range(len(places)):
+        reach = np.sqrt(_FAR * variance[p] / least)
+        t = 0
+        while t < len(places):
             x, y = points[p, 0] - places[t, 0], points[p, 1] - places[t, 1]
+            beyond = np.hypot(x, y) - reach
+            if beyond > step:  # so are the next places
+                t += int(beyond / step)
+                continue
             square = inverse[t, 0, 0] * x * x + 2 * inverse[t, 0, 1] * x * y + inverse[t, 1, 1] * y * y
             square /= variance[p]
             if square < _FAR:
                 near[entry] = t
                 density[entry] = height[t] / variance[p] * np.exp(-0.5 * square)
                 entry += 1
+            t += 1
     first[len(points)] = entry
     return first, near[:entry], density[:entry]
 

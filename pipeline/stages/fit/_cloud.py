@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from pipeline.data import PolarizerSequence
-from pipeline.optics.curve_search import CurveFit, Points, find_curve
+from pipeline.optics.curve_search import NAMES, CurveFit, Points, find_curve
 from pipeline.optics.harmonic import HarmonicFit, harmonic_fit
 from pipeline.optics.response_curve import DARK, StokesNoise, harmonic_design
 from pipeline.stages.fit._photographs import ground_threshold, nothing_left
@@ -19,6 +19,9 @@ Float64Array = NDArray[np.float64]
 
 _SAMPLES = 40_000
 _LEAST_PIXELS = 10
+_ENOUGH_KNOWN = 2_000
+_SPARE = 3
+"""Times as many pixels are looked at as are wanted, since some lie at edges."""
 _REACH = 2
 """Pixels over which a lens blurs an edge, at most."""
 _ENOUGH_UNIFORM = 0.1
@@ -60,7 +63,7 @@ def curve_of(
     InputError
         Hardly any pixel diffracts.
     """
-    values, least = _some_pixels(photos, threshold, count)
+    values, least = _some_pixels(photos, threshold, min(count, _ENOUGH_KNOWN) if set(known) == set(NAMES) else count)
     cloud = _cloud(values, least, photos.polarizer_rad, None)
     found = find_curve(cloud.points, dict(known))
     if len(values) == 3:  # the three numbers leave nothing over: the distances from the curve tell the noise
@@ -81,6 +84,7 @@ def _some_pixels(photos: PolarizerSequence, threshold: float | None, count: int)
     kept = np.argwhere(valid & (level >= least) & (level > 0)).T
     if kept.shape[1] < _LEAST_PIXELS:
         raise nothing_left(least)
+    kept = kept[:, :: max(1, kept.shape[1] // (_SPARE * count))]
     chosen = kept
     for reach in range(_REACH, 0, -1):
         uniform = kept[:, _uniform(photos, fit, kept * step + _REACH, least, reach)]

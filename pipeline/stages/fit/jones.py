@@ -6,6 +6,7 @@ import logging
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from pipeline.data import OrientationMap, PolarizerSequence
 from pipeline.errors import InputError
@@ -175,7 +176,7 @@ def _prepared(found: CurveFit, fit: HarmonicFit, cloud: Points, limit_rad: float
     curve = response_curve(found.grating)
     noise = StokesNoise(cloud.polarizer_rad, cloud.photo_weights)
     turn = turn_by_unknowns(found, curve, orientation_gradient(curve, noise))
-    nearest = np.argmin(((cloud.stokes[:, None, ::1] - curve.stokes[None, ::4]) ** 2).sum(axis=2), axis=1) * 4
+    nearest = cKDTree(curve.stokes).query(cloud.stokes)[1]
     common = np.median(turn[nearest], axis=0)
     offset = float(np.sqrt(common @ found.covariance @ common))
     if any(np.median(np.abs(rival_turn(found, rival, cloud.stokes))) > limit_rad for rival in found.rivals):
