@@ -30,7 +30,7 @@ run: $(RUN)  ## set up, run polarization_logo (or EXPERIMENT=NAME), and say wher
 	$(BIN)/python -m pipeline +experiment=$(EXPERIMENT)
 
 test: $(DEV)  ## set up and run the tests
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist loadgroup
 
 lint: $(DEV)  ## style, types and the direction of imports
 	$(BIN)/ruff check .

@@ -14,6 +14,8 @@ from pipeline.cli import main
 from pipeline.optics.angles import axial_difference
 from pipeline.runs import Run
 
+pytestmark = pytest.mark.xdist_group("logo")  # so that its runs at full size are made once
+
 SMALL = ["graph.sample.pixel_mm=0.02", "rig.camera.pixel_mm=0.06", "graph.torch.pixel_mm=0.06"]
 
 

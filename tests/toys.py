@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from textwrap import dedent
 
@@ -29,6 +30,7 @@ import logging
 import os
 import signal
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -247,9 +249,10 @@ def _indented(text: str) -> str:
 
 
 @pytest.fixture
-def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toys:
+def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Toys]:
     made = Toys(tmp_path)
     made.write()
+    made.forget()
     monkeypatch.syspath_prepend(str(tmp_path))
 
     def declared(group: str) -> list[str]:
@@ -262,7 +265,8 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toys:
     monkeypatch.setattr("pipeline.report.write", _page, raising=False)
     monkeypatch.setattr("pipeline.report.write_outputs", lambda run: [], raising=False)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    return made
+    yield made
+    made.forget()
 
 
 def _page(run: Run) -> Path:

@@ -202,7 +202,8 @@ def test_wrong_resources_are_refused(toys: Toys, word: str, message: str) -> Non
         toys.run(word)
 
 
-def test_a_scheduler_that_does_not_answer_is_named() -> None:
+def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.execution.executors._ANSWER_S", 1.0)
     executor = executor_of({"kind": "distributed", "address": "tcp://127.0.0.1:9"})
     with pytest.raises(InputError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"), executor._client():  # type: ignore[attr-defined]
         pass
