@@ -29,7 +29,10 @@ _EXPECTED = np.array([0.0, np.pi / 2, 0.0, 0.0])
 _PRIOR = np.array([0.3, np.pi / 2, np.pi / 4, np.pi / 2])
 """Standard deviations about ``_EXPECTED`` of what is usual: they decide what the points leave open, no more."""
 _STARTS, _MIDDLE_POINTS, _FINE_POINTS, _FINAL = 24, 400, 4000, 4
+_ASIDE = np.deg2rad(4.0)
+"""A film on either side of a curve: one without a film does not feel where it lies."""
 _STEPS = 720
+_FURTHEST = 20
 _ROBUST = 2.0
 _FINEST = 0.1
 _PLACES, _STRIDE, _ROUNDS = (200, 4000), 0.7, 60
@@ -105,11 +108,17 @@ def find_curve(points: Points, known: dict[str, float]) -> CurveFit:
     rough = _Problem(points.take(_MIDDLE_POINTS), given, unknowns)
     fine = _Problem(points.take(_FINE_POINTS), given, unknowns)
     refined = fine.ranked([rough.descend(start[list(unknowns)], tolerance=1e-4) for start in begin])
+    best = [x for _, x in refined[:_FINAL]]
+    if 2 in unknowns:
+        aside = _ASIDE * np.eye(4)[2, list(unknowns)]
+        away = [rough.descend(x + side, tolerance=1e-4) for x in best[:2] for side in (aside, -aside)]
+        refined = fine.ranked([*best, *away])
     final = fine.ranked([fine.descend(x, times=2) for _, x in refined[:_FINAL]], evident=True)
-    undecided = _UNDECIDED + len(fine.points.stokes) * _SYSTEMATIC**2 / 2
-    rivals = [x for cost, x in final[1:] if cost - final[0][0] < undecided]
     whole = _Problem(points, given, unknowns)
-    return _described(whole, whole.descend(final[0][1], times=2), rivals)
+    close = [whole.descend(x, times=2) for x in fine.undecided(final)]
+    if len(close) > 1:  # more points may tell
+        close = whole.undecided(whole.ranked(close, evident=True))
+    return _described(whole, close[0], close[1:])
 
 
 _UNDECIDED = 12.0
@@ -125,7 +134,7 @@ class _Problem:
         self.points, self.given, self.unknowns = points, given, unknowns
         self.noise = StokesNoise(points.polarizer_rad, points.photo_weights)
         self.scale = 1.0
-        self._frozen: Float64Array | None = None
+        self._width: Float64Array | None = None
         self._measured: tuple[Float64Array, tuple[Float64Array, NDArray[np.int_], Float64Array]] | None = None
 
     def grating(self, x: Float64Array) -> FilmedGrating:
@@ -137,36 +146,37 @@ class _Problem:
         return response_curve(self.grating(x), _STEPS)
 
     def distances(
-        self, x: Float64Array, noise: Float64Array | None = None
+        self, x: Float64Array, width: Float64Array | None = None
     ) -> tuple[Float64Array, NDArray[np.int_], Float64Array]:
-        """Signed distance of every point, its nearest place on the curve, and the direction it is measured along.
+        """Signed distance of every point, its most likely place on the curve, and the direction it is measured along.
 
-        ``noise`` is the covariance of every point, shape (P, 2, 2); None for that of its nearest place.
+        That place is the nearest in units of the noise. Where the noise is wider in one direction it lies aside of the
+        nearest as it is drawn, where errors along and across the curve would go together and turn the fit. What noise
+        along a bend adds to the distances is taken off, or small curves would come out too wide.
+
+        ``width`` (P,) is the noise of every point across the curve; None for that of its nearest place.
         """
         curve = self.curve(x)
+        normal, across, aside, outside = _crosswise(curve, self.noise)
         nearest = cKDTree(curve.stokes).query(self.points.stokes)[1]
-        normal = np.stack([-curve.slope[:, 1], curve.slope[:, 0]], axis=1)[nearest]
-        if noise is None:
-            noise = self.noise.covariance(curve.stokes)[nearest]
-        variance = (
-            noise[:, 0, 0] * normal[:, 0] ** 2
-            + 2 * noise[:, 0, 1] * normal[:, 0] * normal[:, 1]
-            + noise[:, 1, 1] * normal[:, 1] ** 2
-        )
-        along = normal / np.maximum(np.sqrt(variance) * self.points.scale, 1e-12)[:, None]
-        away = self.points.stokes - curve.stokes[nearest]
-        return away[:, 0] * along[:, 0] + away[:, 1] * along[:, 1], nearest, along
+        away = ((self.points.stokes - curve.stokes[nearest]) * normal[nearest]).sum(axis=1)
+        nearest = (nearest + np.rint(np.clip(away * aside[nearest], -_FURTHEST, _FURTHEST)).astype(np.int_)) % _STEPS
+        if width is None:
+            width = np.maximum(across[nearest] * self.points.scale, 1e-12)
+        along = normal[nearest] / width[:, None]
+        distance = ((self.points.stokes - curve.stokes[nearest]) * along).sum(axis=1)
+        return distance - np.clip(outside[nearest] * self.points.scale, -1, 1), nearest, along
 
     def freeze(self, x: Float64Array) -> None:
         """Take every point's noise, and the scale of the residuals, from the curve of ``x``."""
-        distances, nearest, _ = self.distances(x)
+        distances, _, along = self.distances(x)
         self.scale = max(1.0, _robust_rms(distances))
-        self._frozen, self._measured = self.noise.covariance(self.curve(x).stokes)[nearest], None
+        self._width, self._measured = 1 / np.hypot(along[:, 0], along[:, 1]), None
 
     def measured(self, x: Float64Array) -> tuple[Float64Array, NDArray[np.int_], Float64Array]:
         """Distances in units of the frozen noise; a solver asks for residuals and Jacobian in turn."""
         if self._measured is None or not np.array_equal(self._measured[0], x):
-            self._measured = x.copy(), self.distances(x, self._frozen)
+            self._measured = x.copy(), self.distances(x, self._width)
         return self._measured[1]
 
     def residuals(self, x: Float64Array) -> Float64Array:
@@ -235,6 +245,11 @@ class _Problem:
         costs = [self.unlikelihood(x, scale) + (self.surprise(x) if evident else 0.0) for x in kept]
         return sorted(zip(costs, kept, strict=True), key=lambda pair: pair[0])
 
+    def undecided(self, ranked: list[tuple[float, Float64Array]]) -> list[Float64Array]:
+        """The best place, and those that the points do not tell from it."""
+        enough = _UNDECIDED + len(self.points.stokes) * _SYSTEMATIC**2 / 2
+        return [x for cost, x in ranked if cost - ranked[0][0] < enough]
+
     def surprise(self, x: Float64Array) -> float:
         """Negative logarithm of the share of what is usual that lies around a minimum."""
         usual = _PRIOR[list(self.unknowns)]
@@ -271,6 +286,29 @@ class _Problem:
         variance = (blunter * scale * self.points.scale) ** 2
         near = _densities(self.points.stokes, variance, places, np.linalg.inv(covariance), height)
         return float(_unlikelihood(*near, count, _STRAY, _ROUNDS))
+
+
+def _crosswise(
+    curve: ResponseCurve, noise: StokesNoise
+) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+    """What distances from a curve of T samples are made of, for a pixel of one electron.
+
+    Gives unit normals, shape (T, 2); the noise along them, (T,); how many samples further the most likely place of a
+    point lies than the nearest one, per distance to its left; and the mean distance of points, in units of their noise:
+    noise along a bend takes them to its outside by half its square over the radius.
+    """
+    speed = np.maximum(np.hypot(curve.slope[:, 0], curve.slope[:, 1]), 1e-12)
+    d1, d2 = curve.slope[:, 0] / speed, curve.slope[:, 1] / speed
+    covariance = noise.covariance(curve.stokes)
+    c00, c01, c11 = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    across = np.maximum(c11 * d1**2 - 2 * c01 * d1 * d2 + c00 * d2**2, 1e-24)
+    both = (c11 - c00) * d1 * d2 + c01 * (d1**2 - d2**2)
+    step = np.pi / len(speed)
+    turn = np.roll(curve.slope, -1, axis=0) - np.roll(curve.slope, 1, axis=0)
+    bend = (d1 * turn[:, 1] - d2 * turn[:, 0]) / (2 * step * speed**2)
+    along = np.maximum(c00 * c11 - c01**2, 0.0) / across  # variance along the curve of points at one distance from it
+    aside = -both / across / (speed * step)
+    return np.stack([-d2, d1], axis=1), np.sqrt(across), aside, -bend * along / (2 * np.sqrt(across))
 
 
 @njit(cache=True, error_model="numpy")

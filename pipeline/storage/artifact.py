@@ -10,6 +10,7 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -26,6 +27,7 @@ FORMAT = 1
 META = "meta.json"
 _JOINED_BYTES = 65_536
 """Arrays no larger than this are written together with their header."""
+_TRIES = 20
 _MALFORMED = (KeyError, TypeError, ValueError, AttributeError, OverflowError)
 
 
@@ -103,7 +105,7 @@ def read_artifact(folder: Path, types: Mapping[str, type], *, artifact: str | No
         if "/" in name or "\\" in name or not name.endswith(".npy"):
             raise DamagedArtifact(f"{folder} names a file outside itself: {name}")
         try:
-            array = np.load(folder / name, mmap_mode="r" if entry["shape"] else None, allow_pickle=False)
+            array = _load(folder / name, mapped=bool(entry["shape"]))
         except Exception as error:  # a header that was damaged can fail in any way
             raise DamagedArtifact(f"{folder / name} cannot be read: {error}") from None
         if array.dtype.str != entry["dtype"] or list(array.shape) != entry["shape"]:
@@ -119,6 +121,16 @@ def read_artifact(folder: Path, types: Mapping[str, type], *, artifact: str | No
         return _rebuild(description, types, load, folder)
     except _MALFORMED as error:
         raise DamagedArtifact(f"{folder / META} is not what this version writes: {error!r}") from None
+
+
+def _load(path: Path, *, mapped: bool) -> np.ndarray:
+    """An array of a file, tried again where threads get in each other's way: see CPython's issue 106905."""
+    import numpy as np
+
+    for _ in range(_TRIES - 1):
+        with suppress(SystemError):
+            return np.load(path, mmap_mode="r" if mapped else None, allow_pickle=False)
+    return np.load(path, mmap_mode="r" if mapped else None, allow_pickle=False)
 
 
 def frozen(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
