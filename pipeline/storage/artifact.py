@@ -98,7 +98,6 @@ def read_artifact(folder: Path, types: Mapping[str, type], *, artifact: str | No
     DamagedArtifact
         A file is missing, torn, of another type than described, or has another digest.
     """
-    import numpy as np
 
     def load(entry: Mapping[str, Any]) -> np.ndarray:
         name = str(entry["array"])
