@@ -117,10 +117,18 @@ def check_sections(configuration: Configuration) -> None:
         if not isinstance(value, str) or not value.strip():
             raise InputError(f"'{name}' is {value!r}", where=configuration.where(f"paths.{name}"), expected="a folder")
     for name in configuration.content:
-        if name not in SECTIONS and not re.search(rf"\$\{{{re.escape(name)}\b", json.dumps(configuration.raw)):
+        if name not in SECTIONS and not _referred_to(name, configuration):
             raise InputError(
                 f"there is no section '{name}', and nothing refers to it",
                 where=configuration.where(name),
                 expected="a section from: " + ", ".join(SECTIONS) + ", or a name that ${NAME} is used for",
                 hint=nearest(name, SECTIONS),
             )
+
+
+def _referred_to(name: str, configuration: Configuration) -> bool:
+    """Whether ``${name}`` stands in the configuration, or did in its files where an override took its place."""
+    reference = re.compile(rf"\$\{{{re.escape(name)}\b")
+    if reference.search(json.dumps(configuration.raw)):
+        return True
+    return any(reference.search(file.read_text()) for file, _ in configuration.files)

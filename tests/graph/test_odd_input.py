@@ -105,3 +105,9 @@ def test_settings_of_the_experiments_own_section_need_no_plus(toys: Toys) -> Non
         toys.load("pirnt.dots.across=5")
     with pytest.raises(InputError, match=r"'paths' has no 'rnus'[\s\S]*did you mean 'runs'\?"):
         toys.load("paths.rnus=elsewhere")
+
+
+def test_what_refers_to_a_section_may_be_overridden(toys: Toys) -> None:
+    toys.experiment.write_text(toys.experiment.read_text().replace("factor: 3", "factor: ${times}") + "times: 3\n")
+    assert toys.run("times=5")["big"].period_um[0, 0] == 5
+    assert toys.run("graph.big.factor=4")["big"].period_um[0, 0] == 4

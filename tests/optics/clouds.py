@@ -31,8 +31,9 @@ def cloud(
     *,
     polarizer_rad: NDArray[np.float64] = EQUAL,
     electrons: float = 5000,
+    seed: int = 0,
 ) -> Points:
-    photos = photographs(grating, theta, polarizer_rad=polarizer_rad, electrons=electrons)
+    photos = photographs(grating, theta, polarizer_rad=polarizer_rad, electrons=electrons, seed=seed)
     weights = 1 / photos.mean(axis=1)
     weights /= weights.mean()
     root = np.sqrt(weights)[:, None]
