@@ -24,6 +24,7 @@ _log = logging.getLogger(__name__)
 Float64Array = NDArray[np.float64]
 
 _TILE = 128
+_SURE = 2.0
 POOR_MISFIT = 3.0
 """Distance from the curve, in units of their noise, beyond which the pixels are not its."""
 
@@ -77,7 +78,7 @@ def jones(
     points : int
         Pixels that the curve is fitted to.
     absolute_within_deg : float
-        The map counts as absolute where its offset's standard deviation is smaller.
+        The map counts as absolute where its offset is known to this: two standard deviations are no more.
 
     Returns
     -------
@@ -119,8 +120,7 @@ def jones(
 
 def _read_off(photos: PolarizerSequence, cloud: Cloud, found: CurveFit, limit_rad: float) -> OrientationMap:
     fit = harmonic_fit(photos.polarizer_rad, cloud.points.photo_weights)
-    lookup, offset_rad = _prepared(found, fit, cloud.points, limit_rad)
-    absolute = offset_rad <= limit_rad
+    lookup, offset_rad, absolute = _prepared(found, fit, cloud.points, limit_rad)
     _report(found, offset_rad, absolute)
     orientation, correlation, brightness, error = (np.empty(photos.valid.shape, np.float32) for _ in range(4))
     mask = np.empty(photos.valid.shape, np.bool_)
@@ -171,8 +171,11 @@ def _check_jones(
     )
 
 
-def _prepared(found: CurveFit, fit: HarmonicFit, cloud: Points, limit_rad: float) -> tuple[Reading, float]:
-    """The look-up, and the standard deviation of the map's offset; infinite where another curve fits as well."""
+def _prepared(found: CurveFit, fit: HarmonicFit, cloud: Points, limit_rad: float) -> tuple[Reading, float, bool]:
+    """The look-up, the standard deviation of the map's offset, and whether the map counts as absolute.
+
+    The deviation is infinite where another curve fits as well.
+    """
     curve = response_curve(found.grating)
     noise = StokesNoise(cloud.polarizer_rad, cloud.photo_weights)
     turn = turn_by_unknowns(found, curve, orientation_gradient(curve, noise))
@@ -181,14 +184,15 @@ def _prepared(found: CurveFit, fit: HarmonicFit, cloud: Points, limit_rad: float
     offset = float(np.sqrt(common @ found.covariance @ common))
     if any(np.median(np.abs(rival_turn(found, rival, cloud.stokes))) > limit_rad for rival in found.rivals):
         offset = np.inf
-    own = turn if offset <= limit_rad else turn - common
+    absolute = _SURE * offset <= limit_rad
+    own = turn if absolute else turn - common
     variance = np.einsum("tu,uv,tv->t", own, found.covariance, own)
     for rival in found.rivals:
         turned = rival_turn(found, rival, curve.stokes)
-        usual = 0.0 if offset <= limit_rad else np.median(turned[nearest])
+        usual = 0.0 if absolute else np.median(turned[nearest])
         variance = np.maximum(variance, (turned - usual) ** 2)
     spread = 6 * float(np.median(cloud.scale)) * np.sqrt(float(noise.covariance(curve.stokes).trace(0, 1, 2).max()))
-    return reading(curve, noise, fit, variance, spread), offset
+    return reading(curve, noise, fit, variance, spread), offset, absolute
 
 
 def _report(found: CurveFit, offset_rad: float, absolute: bool) -> None:
@@ -205,10 +209,11 @@ def _report(found: CurveFit, offset_rad: float, absolute: bool) -> None:
         found.misfit,
     )
     if absolute:
-        _log.info("The map is absolute: its offset is known to %.2f deg.", np.rad2deg(offset_rad))
+        _log.info("The map is absolute: its offset has a standard deviation of %.2f deg.", np.rad2deg(offset_rad))
     elif np.isfinite(offset_rad):
         _log.warning(
-            "The map stays relative: its offset is known to %.1f deg only. Without birefringence nothing tells it.",
+            "The map stays relative: its offset has a standard deviation of %.1f deg; without birefringence nothing "
+            "tells it.",
             min(np.rad2deg(offset_rad), 90.0),
         )
     else:
