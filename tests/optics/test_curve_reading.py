@@ -104,3 +104,24 @@ def test_dark_pixels_are_left_out():
     orientation, correlation, _, stated, mask = read(photos, KINDS["circle"])
     np.testing.assert_array_equal(mask, [[False] * 50, [True] * 50])
     assert np.isnan([orientation[0], correlation[0], stated[0]]).all()
+
+
+@pytest.mark.parametrize("kind", ["circle", "bent", "small"])
+def test_off_the_curve_the_orientation_turns_as_its_nearest_place_does(kind):
+    """Inside of a bend faster than on the curve, outside more slowly: so much for the slope within a cell."""
+    curve, fine = response_curve(KINDS[kind]), response_curve(KINDS[kind], 40_000)
+    noise = StokesNoise(EQUAL, np.ones(12))
+    lookup = reading(curve, noise, harmonic_fit(EQUAL))
+    rng = np.random.default_rng(0)
+    middle = curve.stokes.mean(axis=0)
+    start = rng.integers(0, len(curve.stokes), 200)
+    points = middle + (curve.stokes[start] - middle) * rng.uniform(0.6, 1.5, (200, 1))
+    inverse = np.linalg.inv(noise.covariance(fine.stokes))
+    away = points[:, None] - fine.stokes
+    square = np.einsum("pti,tij,ptj->pt", away, inverse, away)
+    nearest = fine.orientation_rad[np.argmin(square, axis=1)]
+    column, row = ((points - lookup.origin) / lookup.cell).astype(int).T
+    plane = lookup.cells[row, column].astype(float)
+    found = plane[:, 0] + plane[:, 1] * points[:, 0] + plane[:, 2] * points[:, 1]
+    step = np.hypot(plane[:, 1], plane[:, 2]) * lookup.cell
+    assert np.quantile(np.abs(axial_difference(found, nearest)) / step, 0.9) < 0.12  # 0.15 and more without the bend

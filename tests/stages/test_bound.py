@@ -7,6 +7,7 @@ import pytest
 
 from pipeline.data import GratingSample, OrientationMap, PolarizerSequence
 from pipeline.errors import InputError, InputErrors
+from pipeline.optics.response_curve import FilmedGrating, orientation_bound, response_curve
 from pipeline.stages.evaluate.bound import bound
 from pipeline.stages.evaluate.confidence import confidence
 from pipeline.stages.simulate.facets import facets
@@ -94,3 +95,16 @@ def map_of(error_deg, stated_deg):
         absolute=True,
         standard_error_rad=np.deg2rad(stated_deg).astype(np.float32),
     )
+
+
+def test_the_bound_knows_that_the_brightness_is_not_known():
+    """At angles close together a turn looks much like a change of brightness; by the inverse of the whole matrix."""
+    psi = np.deg2rad([0.0, 10, 20, 35])
+    curve = response_curve(FilmedGrating(1.1, 0.8, 0.3), 16)
+    deviation = orientation_bound(curve, psi, 500.0)
+    for (s1, s2), (d1, d2), found in zip(curve.stokes, curve.slope, deviation, strict=True):
+        c, s = np.cos(2 * psi), np.sin(2 * psi)
+        light = 1 + s1 * c + s2 * s
+        by_unknown = np.stack([light, 500 * (d1 * c + d2 * s)])
+        information = by_unknown / (500 * light) @ by_unknown.T
+        assert found == pytest.approx(np.sqrt(np.linalg.inv(information)[1, 1]), rel=1e-6)

@@ -9,6 +9,7 @@ from test_fit_jones import EQUAL, facets, mean_error_deg, photographed
 from pipeline.errors import InputError, InputErrors
 from pipeline.stages.fit.auto import auto
 from pipeline.stages.fit.cosine import cosine
+from pipeline.stages.fit.jones import jones
 
 ALL = np.broadcast_to(np.linspace(0, np.pi, 300, endpoint=False), (60, 300)).copy()
 
@@ -71,6 +72,23 @@ def test_as_many_photographs_as_it_says_are_enough(caplog):
     assert enough == 4 or error_with(max(enough - 2, 3)) > 0.95
 
 
+def test_a_curve_that_does_not_tell_the_offset_leaves_the_map_relative():
+    theta = np.where(np.isnan(facets(120)), np.nan, np.deg2rad(np.where(np.arange(120) < 60, 20, 60)))
+    photos = photographed(theta, 1.08, 150, 8)  # two orientations do not make a curve
+    found, asked_for = auto(photos), jones(photos)
+    assert mean_error_deg(found, theta, remove_offset=False) > 10
+    assert not found.absolute
+    assert found.parameters["offset_std_deg"] == asked_for.parameters["offset_std_deg"] == 90
+    np.testing.assert_array_equal(found.standard_error_rad, asked_for.standard_error_rad)
+    np.testing.assert_array_equal(found.orientation_rad, asked_for.orientation_rad)
+
+
+def test_the_offset_is_claimed_as_far_as_it_is_asked_for():
+    photos = photographed(facets(120), 1.08, 40, 30)
+    assert auto(photos).absolute
+    assert not auto(photos, absolute_within_deg=1e-3).absolute
+
+
 def test_pixels_of_no_one_curve_are_told(caplog):
     half = ALL.shape[1] // 2
     left = photographed(ALL[:, :half], 1.05, 165, 5)
@@ -85,7 +103,12 @@ def test_pixels_of_no_one_curve_are_told(caplog):
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"), [({"accuracy_deg": 0.0}, "accuracy_deg is 0"), ({"points": 3}, "points is 3")]
+    ("settings", "message"),
+    [
+        ({"accuracy_deg": 0.0}, "accuracy_deg is 0"),
+        ({"points": 3}, "points is 3"),
+        ({"absolute_within_deg": 0.0}, "absolute_within_deg is 0"),
+    ],
 )
 def test_impossible_settings_are_refused(settings, message):
     with pytest.raises((InputError, InputErrors), match=message):

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import logging
 
 import numpy as np
@@ -132,3 +133,24 @@ def test_impossible_settings_are_refused(settings, message):
 def test_nothing_that_diffracts_is_refused():
     with pytest.raises(InputError, match="no pixel is valid, modulated and brighter than 5"):
         jones(photographed(facets(80), 1.1, 45, 3), threshold=5.0)
+
+
+def test_photographs_without_a_valid_pixel_are_not_blamed_on_the_threshold():
+    photos = photographed(facets(80), 1.1, 45, 3)
+    masked = dataclasses.replace(photos, valid=np.zeros_like(photos.valid))
+    tiny = dataclasses.replace(photos, images=photos.images[:, 40:45, 40:45], valid=photos.valid[40:45, 40:45])
+    for fit, few in ((jones, masked), (jones, tiny), (cosine, masked)):
+        with pytest.raises(InputError, match=r"no pixel is valid and modulated\n") as caught:
+            fit(few)
+        assert "threshold" not in str(caught.value)
+
+
+def test_light_of_the_other_handedness_shows_a_grating_turned_by_a_right_angle():
+    theta = facets(100)
+    found = jones(photographed(theta, 1.08, -40, -8))  # the conjugate of everything but the light
+    assert found.absolute
+    assert found.parameters["amplitude_ratio"] == pytest.approx(1 / 1.08, abs=0.01)
+    assert found.parameters["retardation_deg"] == pytest.approx(-8, abs=0.2)
+    both = found.mask & np.isfinite(theta)
+    turn = np.abs(axial_difference(found.orientation_rad[both], theta[both]))
+    assert np.rad2deg(np.median(turn)) == pytest.approx(90, abs=0.5)

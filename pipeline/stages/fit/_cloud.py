@@ -81,9 +81,11 @@ def _some_pixels(photos: PolarizerSequence, threshold: float | None, count: int)
     fit = harmonic_fit(photos.polarizer_rad)
     level = np.tensordot(fit.mean, values, 1)
     least = ground_threshold(level, valid) if threshold is None else threshold
-    kept = np.argwhere(valid & (level >= least) & (level > 0)).T
+    kept = np.argwhere(valid & (level >= least) & (level > 0) & (level < np.inf)).T
     if kept.shape[1] < _LEAST_PIXELS:
-        raise nothing_left(least)
+        raise nothing_left(
+            least, f"at least {_LEAST_PIXELS} of the pixels that lie more than {_REACH} from the picture's border"
+        )
     kept = kept[:, :: max(1, kept.shape[1] // (_SPARE * count))]
     chosen = kept
     for reach in range(_REACH, 0, -1):

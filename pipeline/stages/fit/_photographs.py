@@ -63,8 +63,10 @@ def ground_threshold(intensity: FloatArray, valid: BoolArray) -> float:
     return modes.threshold
 
 
-def nothing_left(cut: float) -> InputError:
-    """What to say where no pixel diffracts."""
+def nothing_left(cut: float, expected: str = "pixels that change with the polariser") -> InputError:
+    """What to say where no pixel, or hardly any, diffracts."""
+    if np.isneginf(cut):
+        return InputError("no pixel is valid and modulated", expected=expected)
     return InputError(
         f"no pixel is valid, modulated and brighter than {cut:.3g}",
         expected="a threshold below the brightness of the diffracting pixels",

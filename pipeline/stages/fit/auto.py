@@ -21,7 +21,7 @@ from pipeline.optics.response_curve import StokesNoise, response_curve
 from pipeline.stages.fit._cloud import Cloud, curve_of
 from pipeline.stages.fit._photographs import checked_fit
 from pipeline.stages.fit.cosine import cosine
-from pipeline.stages.fit.jones import POOR_MISFIT, _tolerance_jones, jones
+from pipeline.stages.fit.jones import POOR_MISFIT, _tolerance_jones, read_off
 
 _log = logging.getLogger(__name__)
 
@@ -41,6 +41,7 @@ def auto(
     film_axis_deg: float | None = 0.0,
     threshold: float | None = None,
     points: int = 16000,
+    absolute_within_deg: float = 0.5,
 ) -> OrientationMap:
     """Estimate orientations by the simplest method that is accurate enough for this scene.
 
@@ -63,6 +64,8 @@ def auto(
         Least mean intensity of a pixel that diffracts; found from the histogram by default.
     points : int
         Pixels that are looked at.
+    absolute_within_deg : float
+        As of ``fit.jones``, whose map is absolute only where its offset is known to this.
 
     Returns
     -------
@@ -77,7 +80,7 @@ def auto(
     InputError
         Fewer than three distinct polariser angles, no pixel left, or settings that cannot be.
     """
-    _check_auto(accuracy_deg=accuracy_deg, points=points)
+    _check_auto(accuracy_deg=accuracy_deg, points=points, absolute_within_deg=absolute_within_deg)
     checked_fit(photos)
     known = {} if film_axis_deg is None else {"film_axis_rad": float(np.deg2rad(film_axis_deg))}
     cloud, found = curve_of(photos, known, threshold, points)
@@ -89,25 +92,19 @@ def auto(
     else:
         _log.info("%d photographs of this exposure would do for %g deg.", enough, accuracy_deg)
     if choice.method == CURVE:
-        grating = found.grating
-        result = jones(
-            photos,
-            amplitude_ratio=grating.amplitude_ratio,
-            phase_deg=float(np.rad2deg(grating.phase_rad)),
-            retardation_deg=float(np.rad2deg(grating.retardation_rad)),
-            film_axis_deg=float(np.rad2deg(grating.film_axis_rad)),
-            threshold=cloud.least,
-            points=points,
-        )
+        result = read_off(photos, cloud, found, float(np.deg2rad(absolute_within_deg)))
     else:
         result = cosine(photos, prenormalize=choice.method == NORMALIZED, threshold=cloud.least)
     figures = {**result.parameters, **choice.figures, "photographs_enough": float(enough)}
     return dataclasses.replace(result, parameters=figures)
 
 
-def _check_auto(*, accuracy_deg: float, points: int, **_: object) -> None:
+def _check_auto(*, accuracy_deg: float, points: int, absolute_within_deg: float, **_: object) -> None:
     """Refuse what cannot be reached before anything runs."""
-    refuse(above_zero(accuracy_deg=accuracy_deg), at_least(100, "fewer do not show a curve", points=points))
+    refuse(
+        above_zero(accuracy_deg=accuracy_deg, absolute_within_deg=absolute_within_deg),
+        at_least(100, "fewer do not show a curve", points=points),
+    )
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,8 @@ def jones(
     the offset is not known to any method that looks through a polariser only. Whether it is comes out of the fit's
     covariance and of other minima that fit as well; the report says so and ``absolute`` tells. Gratings of ``zeta``
     and ``-zeta`` with the reciprocal ratio differ by 90 degrees and cannot be told apart; ``zeta`` is taken between 0
-    and 180 degrees.
+    and 180 degrees. For the same reason the handedness of the panel's light is taken for known, ``(1, -i)`` along x and
+    y: under light of the other one a map that is absolute is turned by 90 degrees, with nothing to show it.
 
     Parameters
     ----------
@@ -115,10 +116,11 @@ def jones(
     }
     checked_fit(photos)
     cloud, found = curve_of(photos, {n: v for n, v in given.items() if v is not None}, threshold, points)
-    return _read_off(photos, cloud, found, np.deg2rad(absolute_within_deg))
+    return read_off(photos, cloud, found, float(np.deg2rad(absolute_within_deg)))
 
 
-def _read_off(photos: PolarizerSequence, cloud: Cloud, found: CurveFit, limit_rad: float) -> OrientationMap:
+def read_off(photos: PolarizerSequence, cloud: Cloud, found: CurveFit, limit_rad: float) -> OrientationMap:
+    """Orientations of all pixels by the curve that was found, absolute where its offset is known to ``limit_rad``."""
     fit = harmonic_fit(photos.polarizer_rad, cloud.points.photo_weights)
     lookup, offset_rad, absolute = _prepared(found, fit, cloud.points, limit_rad)
     _report(found, offset_rad, absolute)
