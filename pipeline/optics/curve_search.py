@@ -7,7 +7,7 @@ the search starts from a grid.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ _EXPECTED = np.array([0.0, np.pi / 2, 0.0, 0.0])
 _PRIOR = np.array([0.3, np.pi / 2, np.pi / 4, np.pi / 2])
 """Standard deviations about ``_EXPECTED`` of what is usual: they decide what the points leave open, no more."""
 _STARTS, _MIDDLE_POINTS, _FINE_POINTS, _FINAL = 24, 400, 4000, 4
+_AXIS_AS_GIVEN = np.deg2rad(1.0)
 _ASIDE = np.deg2rad(4.0)
 """A film on either side of a curve: one without a film does not feel where it lies."""
 _STEPS = 720
@@ -61,6 +62,8 @@ class CurveFit:
         Robust root mean square distance of the points from the curve, relative to their noise; 1 for a perfect model.
     rivals : tuple of FilmedGrating
         Other minima that the points cannot tell from this one.
+    other_axis_rad : float or None
+        Where the film's axis was given but another one fits decidedly better: that one.
     """
 
     grating: FilmedGrating
@@ -69,6 +72,7 @@ class CurveFit:
     unknowns: tuple[int, ...]
     misfit: float
     rivals: tuple[FilmedGrating, ...]
+    other_axis_rad: float | None = None
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,24 @@ def find_curve(points: Points, known: dict[str, float]) -> CurveFit:
     close = [whole.descend(x, times=2) for x in fine.undecided(final)]
     if len(close) > 1:  # more points may tell
         close = whole.undecided(whole.ranked(close, evident=True))
-    return _described(whole, close[0], close[1:])
+    found = _described(whole, close[0], close[1:])
+    return found if 3 in unknowns else replace(found, other_axis_rad=_other_axis(fine, close[0]))
+
+
+def _other_axis(problem: _Problem, x: Float64Array) -> float | None:
+    """The axis of the film that fits decidedly better than the one given, if any does."""
+    given, unknowns = problem.given.copy(), (*problem.unknowns, 3)
+    given[3] = np.nan
+    freed = _Problem(problem.points, given, unknowns)
+    best = freed.descend(np.append(x, problem.given[3]), times=2)
+    whole = freed.grating(best)
+    axis_turn = axial_difference(whole.film_axis_rad, problem.given[3])
+    if abs(axis_turn) < _AXIS_AS_GIVEN:
+        return None
+    scale = max(1.0, _robust_rms(freed.distances(best)[0]))
+    better = problem.unlikelihood(x, scale) - freed.unlikelihood(best, scale)
+    enough = _UNDECIDED + len(problem.points.stokes) * _SYSTEMATIC**2 / 2
+    return float(whole.film_axis_rad) if better > enough else None
 
 
 _UNDECIDED = 12.0

@@ -135,13 +135,13 @@ def _error(value: OrientationError, pixel_mm: float | None) -> list[Figure]:
 
 def _offset(value: OrientationError) -> str:
     """What became of the turn between estimate and truth that all pixels share."""
-    removed = float(np.rad2deg(value.offset_rad))
-    if removed == 0:
+    if value.offset_rad == 0:
         return "No offset was removed: the map is taken at its word."
+    removed = float(np.rad2deg(value.offset_rad))
     return (
         f"One offset of {removed:.2f}° was removed from every pixel: by so much the map stands ahead of the truth, "
-        f"which polarisation alone cannot know. To make it absolute, {180 - removed % 180:.2f}° have to be added, the "
-        "rest of half a turn."
+        f"which polarisation alone cannot know unless a film lies over the gratings. To make it absolute, "
+        f"{-removed:.2f}° have to be added."
     )
 
 

@@ -102,7 +102,7 @@ def test_an_offset_that_was_removed_is_explained_and_one_that_was_not_is_too(run
     degrees = np.rad2deg(run.values["evaluate"].offset_rad)
     text = Page(page(run)).text
     assert f"One offset of {degrees:.2f}° was removed" in text
-    assert f"{180 - degrees:.2f}° have to be added" in text
+    assert f"{-degrees:.2f}° have to be added" in text
     kept = replace(run.values["evaluate"], offset_rad=0.0)
     text = Page(page(run.with_node(run.nodes["evaluate"], kept))).text
     assert "No offset was removed" in text

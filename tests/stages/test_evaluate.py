@@ -29,6 +29,7 @@ def test_one_offset_is_removed_whatever_it_is():
         assert found.metrics["orientation_error_mean_deg"] < 1e-3
         assert (found.metrics["offset_deg"] - offset_deg + 90) % 180 - 90 == pytest.approx(0, abs=1e-3)
         assert found.offset_rad == pytest.approx(np.deg2rad(found.metrics["offset_deg"]))
+        assert -90 <= found.metrics["offset_deg"] < 90
 
 
 def test_the_figures_are_those_of_the_absolute_error():

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import re
 
 import numpy as np
 import pytest
@@ -83,6 +84,14 @@ def test_the_film_s_axis_can_be_searched():
     assert found.parameters["film_axis_deg"] == pytest.approx(35, abs=0.5)
     assert found.absolute
     assert mean_error_deg(found, theta, remove_offset=False) < 0.4
+
+
+@pytest.mark.parametrize("theta", [facets(), np.broadcast_to(np.linspace(0, np.pi, 300), (60, 300))])
+def test_a_film_whose_axis_is_another_than_the_one_given_makes_no_map_absolute(theta, caplog):
+    found = jones(photographed(theta, 1.1, 45, 8, 25), threshold=0.1)
+    assert not found.absolute
+    (better_deg,) = re.findall(r"axis was given as 0.0 deg, and one at ([\d.]+) deg fits better", caplog.text)
+    assert float(better_deg) == pytest.approx(25, abs=2)
 
 
 def test_a_known_curve_is_not_searched_and_three_photographs_do():

@@ -55,7 +55,7 @@ def orientation(estimate: OrientationMap, truth: GratingSample, *, keep_offset: 
     if not both.any():
         raise InputError("the map and the truth share no diffracting pixel", expected="a map of the same sample")
     turn = axial_difference(estimate.orientation_rad[both], true_rad[both])
-    offset = axial_median(turn)
+    offset = float(axial_difference(axial_median(turn), 0.0))
     error = turn if keep_offset else axial_difference(turn, offset)
     map_rad = np.full(both.shape, np.nan, np.float32)
     map_rad[both] = error

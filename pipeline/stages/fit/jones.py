@@ -73,7 +73,8 @@ def jones(
     retardation_deg : float, optional
         Of one pass through the film, where known; negative where the film delays what vibrates along its axis.
     film_axis_deg : float, optional
-        Direction of the film's axis, anticlockwise from +x; ``null`` searches it.
+        Direction of the film's axis, anticlockwise from +x; ``null`` searches it. Where another axis than the one given
+        fits decidedly better, a warning says so and the map stays relative.
     threshold : float, optional
         Least mean intensity of a pixel that diffracts; found from the histogram by default, as by ``fit.cosine``.
     points : int
@@ -184,7 +185,8 @@ def _prepared(found: CurveFit, fit: HarmonicFit, cloud: Points, limit_rad: float
     nearest = cKDTree(curve.stokes).query(cloud.stokes)[1]
     common = np.median(turn[nearest], axis=0)
     offset = float(np.sqrt(common @ found.covariance @ common))
-    if any(np.median(np.abs(rival_turn(found, rival, cloud.stokes))) > limit_rad for rival in found.rivals):
+    elsewhere = any(np.median(np.abs(rival_turn(found, rival, cloud.stokes))) > limit_rad for rival in found.rivals)
+    if elsewhere or found.other_axis_rad is not None:
         offset = np.inf
     absolute = _SURE * offset <= limit_rad
     own = turn if absolute else turn - common
@@ -220,6 +222,13 @@ def _report(found: CurveFit, offset_rad: float, absolute: bool) -> None:
         )
     else:
         _log.warning("The map stays relative: curves with other offsets fit the photographs as well.")
+    if found.other_axis_rad is not None:
+        _log.warning(
+            "The film's axis was given as %.1f deg, and one at %.1f deg fits better: film_axis_deg=%.1f, or null to "
+            "search it.",
+            np.rad2deg(grating.film_axis_rad),
+            *(2 * [np.rad2deg(found.other_axis_rad) % 180]),
+        )
     if found.misfit > POOR_MISFIT:
         _log.warning(
             "The pixels lie %.1f times their noise from the best curve: the photographs are not those of one kind of "
