@@ -163,3 +163,17 @@ def test_light_of_the_other_handedness_shows_a_grating_turned_by_a_right_angle()
     both = found.mask & np.isfinite(theta)
     turn = np.abs(axial_difference(found.orientation_rad[both], theta[both]))
     assert np.rad2deg(np.median(turn)) == pytest.approx(90, abs=0.5)
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.5, 2.0])
+def test_a_photograph_that_failed_is_told(factor, caplog):
+    photos = photographed(facets(), 1.08, 40, 8)
+    images = photos.images.copy()
+    images[4] *= factor
+    jones(dataclasses.replace(photos, images=images))
+    assert re.findall(r"Photograph (\d+), at ([\d.]+) deg, is \d+ % as bright", caplog.text) == [("4", "60.0")]
+
+
+def test_one_orientation_that_vanishes_between_crossed_polarisers_is_no_failed_photograph(caplog):
+    jones(photographed(np.where(np.isnan(facets()), np.nan, 0.3), 1.08, 88, 3))
+    assert "Photograph" not in caplog.text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,10 +16,15 @@ from pipeline.optics.harmonic import HarmonicFit, harmonic_fit
 from pipeline.optics.response_curve import DARK, StokesNoise, harmonic_design
 from pipeline.stages.fit._photographs import ground_threshold, nothing_left
 
+_log = logging.getLogger(__name__)
+
 Float64Array = NDArray[np.float64]
 
 _SAMPLES = 40_000
 _LEAST_PIXELS = 10
+_ENOUGH_TO_JUDGE = 5
+_ODD, _ODD_BESIDE = 0.2, 5.0
+"""Odd is a photograph whose brightness is off by this share of the mean, and by so many times what others are."""
 _ENOUGH_KNOWN = 2_000
 _SPARE = 3
 """Times as many pixels are looked at as are wanted, since some lie at edges."""
@@ -64,6 +70,7 @@ def curve_of(
         Hardly any pixel diffracts.
     """
     values, least = _some_pixels(photos, threshold, min(count, _ENOUGH_KNOWN) if set(known) == set(NAMES) else count)
+    _warn_of_odd_photographs(values, photos.polarizer_rad)
     cloud = _cloud(values, least, photos.polarizer_rad, None)
     found = find_curve(cloud.points, dict(known))
     if len(values) == 3:  # the three numbers leave nothing over: the distances from the curve tell the noise
@@ -120,6 +127,27 @@ def _uniform(
         change += ((ahead - behind) ** 2).sum(axis=0)
         inside &= there & here
     return inside & (change <= _UNUSUAL_CHANGE * np.median(change[inside] if inside.any() else change))
+
+
+def _warn_of_odd_photographs(values: Float64Array, polarizer_rad: NDArray[np.floating]) -> None:
+    """Tell of photographs whose mean brightness the others make unlikely: it too follows a cosine over the angles."""
+    level = values.mean(axis=1)
+    if len(level) < _ENOUGH_TO_JUDGE:
+        return
+    design = harmonic_design(polarizer_rad)
+    for k in range(len(level)):
+        others = np.arange(len(level)) != k
+        found, _, rank, _ = np.linalg.lstsq(design[others], level[others], rcond=None)
+        left = np.abs(design[others] @ found - level[others]).max()
+        away = abs(design[k] @ found - level[k])
+        if rank == 3 and away > _ODD * level.mean() and away > _ODD_BESIDE * left:
+            _log.warning(
+                "Photograph %d, at %.1f deg, is %.0f %% as bright as the others lead to expect: a failed exposure, or "
+                "a misread angle.",
+                k,
+                np.rad2deg(polarizer_rad[k]),
+                100 * level[k] / (design[k] @ found),
+            )
 
 
 def _cloud(values: Float64Array, least: float, polarizer_rad: NDArray[np.floating], gain: float | None) -> Cloud:
