@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.optics.curve_reading import orientation_gradient
-from pipeline.optics.curve_search import find_curve, rival_turn, turn_by_unknowns
+from pipeline.optics.curve_search import NAMES, _Problem, find_curve, rival_turn, turn_by_unknowns
 from pipeline.optics.response_curve import FilmedGrating, StokesNoise, response_curve
 
 RNG = np.random.default_rng(3)
@@ -110,3 +110,32 @@ def test_points_of_no_curve_lie_far_from_the_best_one():
     points = cloud(grating(1.1, 45, 3), ANY)
     points.stokes[:] = RNG.uniform(-0.6, 0.6, points.stokes.shape)
     assert find_curve(points, {"film_axis_rad": 0.0}).misfit > 3
+
+
+UNEVEN = np.deg2rad([0, 13, 41, 66, 95, 120])
+
+
+def measured(true, points):
+    """Distances of points from a curve that is given, in units of their noise, and their places on it."""
+    given = np.array([getattr(true, name) for name in NAMES])
+    given[0] = np.log(given[0])
+    distances, places, _ = _Problem(points, given, ()).distances(np.zeros(0))
+    return distances, places
+
+
+def test_the_most_likely_place_is_the_nearest_in_units_of_the_noise():
+    true = grating(1.08, 170, 30)
+    points = cloud(true, ANY[:400], polarizer_rad=UNEVEN)
+    curve = response_curve(true, 720)
+    inverse = np.linalg.inv(StokesNoise(UNEVEN, points.photo_weights).covariance(curve.stokes))
+    away = points.stokes[:, None] - curve.stokes
+    nearest = np.argmin(np.einsum("pta,tab,ptb->pt", away, inverse, away), axis=1)
+    apart = np.abs((measured(true, points)[1] - nearest + 360) % 720 - 360)
+    drawn = np.argmin((away**2).sum(axis=2), axis=1)
+    assert apart.mean() < 0.3 * np.abs((drawn - nearest + 360) % 720 - 360).mean()
+
+
+def test_noise_along_a_bend_does_not_widen_the_curve():
+    true = grating(1.08, 170, 0)
+    distances, _ = measured(true, cloud(true, np.random.default_rng(3).uniform(0, np.pi, 20_000), electrons=500))
+    assert abs(distances.mean()) < 4 / np.sqrt(20_000)
