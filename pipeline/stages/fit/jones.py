@@ -117,11 +117,12 @@ def jones(
     }
     checked_fit(photos)
     cloud, found = curve_of(photos, {n: v for n, v in given.items() if v is not None}, threshold, points)
-    return read_off(photos, cloud, found, float(np.deg2rad(absolute_within_deg)))
+    return read_off(cloud, found, float(np.deg2rad(absolute_within_deg)))
 
 
-def read_off(photos: PolarizerSequence, cloud: Cloud, found: CurveFit, limit_rad: float) -> OrientationMap:
+def read_off(cloud: Cloud, found: CurveFit, limit_rad: float) -> OrientationMap:
     """Orientations of all pixels by the curve that was found, absolute where its offset is known to ``limit_rad``."""
+    photos = cloud.photos
     fit = harmonic_fit(photos.polarizer_rad, cloud.points.photo_weights)
     lookup, offset_rad, absolute = _prepared(found, fit, cloud.points, limit_rad)
     _report(found, offset_rad, absolute)
