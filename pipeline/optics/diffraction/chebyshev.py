@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.polynomial import chebyshev as polynomials
-from numpy.typing import NDArray
 from scipy.special import jv
 
 from pipeline.optics.diffraction.patch import (
@@ -90,11 +89,8 @@ class ChebyshevResponse:
         basis = np.ascontiguousarray(np.where(np.isnan(w), 0.0, basis), np.float32)
         combine = np.ascontiguousarray(self._polynomials(at / wavelength_um[:, None]), np.float32)
         fx, fy = u / wavelength_um[:, None], v / wavelength_um[:, None]
-        first = [lines.first(f) - start for lines, f, start in zip((self.x, self.y), (fx, fy), self.origin, strict=True)]
-        window = [
-            np.moveaxis(lines.weights(f.ravel()).reshape(lines.count, *f.shape), 0, 1).copy()
-            for lines, f in ((self.x, fx), (self.y, fy))
-        ]
+        first = self.x.first(fx) - np.int32(self.origin[0]), self.y.first(fy) - np.int32(self.origin[1])
+        window = self.x.weights(fx), self.y.weights(fy)
         table = self.table
         return lambda start, stop: _grid_rows(table, combine, first, window, basis, share, start, stop, out)
 
@@ -153,21 +149,19 @@ def chebyshev_response(
     low, high = quotient_range(uvw[2], wavelength_um)
     count = degree_for(np.pi * (high - low) * patch.relief_um / 2, tolerance) if degree is None else degree
     x, y = lines_of(patch, coherence_um, tolerance)
-    spans = [reached(lines, part, wavelength_um) for lines, part in zip((x, y), uvw, strict=False)]
+    across, along = reached(x, uvw[0], wavelength_um), reached(y, uvw[1], wavelength_um)
     nodes = polynomials.chebpts1(count) if count > 1 else np.zeros(1)
     to_coefficients = np.linalg.inv(polynomials.chebvander(nodes, count - 1))
     turns = (2j * np.pi * patch.centred()).astype(np.complex64)
     values = np.stack(
         [
-            spectral_lines(np.exp(np.complex64(q) * turns), *spans, workers)
+            spectral_lines(np.exp(np.complex64(q) * turns), across, along, workers)
             for q in (low + high) / 2 + (high - low) / 2 * nodes
         ]
     )
     found = np.tensordot(to_coefficients.astype(np.float32), values, 1)
     table = np.ascontiguousarray(np.stack([found.real, found.imag], axis=1).transpose(2, 0, 1, 3), np.float32)
-    return ChebyshevResponse(
-        table, (spans[0][0], spans[1][0]), x, y, (low, high), tolerance, patch.relief_um
-    )
+    return ChebyshevResponse(table, (across[0], along[0]), x, y, (low, high), tolerance, patch.relief_um)
 
 
 def degree_for(phase_rad: float, tolerance: float) -> int:
@@ -197,40 +191,40 @@ def _grid_rows(  # type: ignore[no-untyped-def]
     x_count, y_count = x_window.shape[1], y_window.shape[1]
     out[:, start:stop] = 0
     tallest = 0
-    for l in range(len(combine)):
-        tallest = max(tallest, y_first[l, start:stop].max() - y_first[l, start:stop].min() + y_count)
+    for i in range(len(combine)):
+        tallest = max(tallest, y_first[i, start:stop].max() - y_first[i, start:stop].min() + y_count)
     spread = np.empty((tallest, 2 * count, columns), np.float32)
     parts = 2 * count
     mixed, wide = np.empty((count, 2 * width), np.float32), np.empty((width, parts), np.float32)
     total = np.empty(parts, np.float32)
     real, imaginary = np.empty(columns, np.float32), np.empty(columns, np.float32)
     both = np.empty((2 * count, columns), np.float32)
-    for l in range(len(combine)):
-        lowest = y_first[l, start:stop].min()
-        highest = y_first[l, start:stop].max() + y_count
-        left, right = x_first[l].min(), x_first[l].max() + x_count
+    for i in range(len(combine)):
+        lowest = y_first[i, start:stop].min()
+        highest = y_first[i, start:stop].max() + y_count
+        left, right = x_first[i].min(), x_first[i].max() + x_count
         for y in range(lowest, highest):
-            np.dot(combine[l], table[y].reshape(terms, 2 * width), mixed)
+            np.dot(combine[i], table[y].reshape(terms, 2 * width), mixed)
             for m in range(count):
                 for x in range(left, right):
                     wide[x, 2 * m] = mixed[m, x]
                     wide[x, 2 * m + 1] = mixed[m, width + x]
-            here, begin = spread[y - lowest], x_first[l]
+            here, begin = spread[y - lowest], x_first[i]
             for j in range(columns):
                 total[:] = 0
                 for t in range(x_count):
-                    factor, source = x_window[l, t, j], wide[begin[j] + t]
+                    factor, source = x_window[i, t, j], wide[begin[j] + t]
                     for part in range(parts):
                         total[part] += factor * source[part]
                 for part in range(parts):
                     here[part, j] = total[part]
         for row in range(start, stop):
-            begin_y = y_first[l, row] - lowest
+            begin_y = y_first[i, row] - lowest
             for part in range(2 * count):
                 to = both[part]
                 to[:] = 0
                 for t in range(y_count):
-                    factor, source = y_window[l, t, row], spread[begin_y + t, part]
+                    factor, source = y_window[i, t, row], spread[begin_y + t, part]
                     for j in range(columns):
                         to[j] += factor * source[j]
             real[:] = 0
@@ -241,7 +235,7 @@ def _grid_rows(  # type: ignore[no-untyped-def]
                     real[j] += factors[j] * re[j]
                     imaginary[j] += factors[j] * im[j]
             for channel in range(channels):
-                to, factor = out[channel, row], share[channel, l]
+                to, factor = out[channel, row], share[channel, i]
                 for j in range(columns):
                     to[j] += factor * (real[j] * real[j] + imaginary[j] * imaginary[j])
 
@@ -261,9 +255,9 @@ def _scattered_rows(  # type: ignore[no-untyped-def]
                 out[channel, row, j] = 0
             if not np.isfinite(w[row, j]):
                 continue
-            for l in range(len(wavelength)):
-                x = _window(u[row, j] / wavelength[l], axes[0], x_window) - origin[0]
-                y = _window(v[row, j] / wavelength[l], axes[1], y_window) - origin[1]
+            for i in range(len(wavelength)):
+                x = _window(u[row, j] / wavelength[i], axes[0], x_window) - origin[0]
+                y = _window(v[row, j] / wavelength[i], axes[1], y_window) - origin[1]
                 total[:] = 0
                 for s in range(y_count):
                     for t in range(x_count):
@@ -271,7 +265,7 @@ def _scattered_rows(  # type: ignore[no-untyped-def]
                         for n in range(terms):
                             total[n, 0] += factor * source[n, 0]
                             total[n, 1] += factor * source[n, 1]
-                place = (w[row, j] / wavelength[l] - scale[0]) / scale[1]
+                place = (w[row, j] / wavelength[i] - scale[0]) / scale[1]
                 real, imaginary = total[0, 0], total[0, 1]
                 before, now = np.float32(1), np.float32(place)
                 for n in range(1, terms):
@@ -280,7 +274,7 @@ def _scattered_rows(  # type: ignore[no-untyped-def]
                     before, now = now, np.float32(2 * place) * now - before
                 power = real * real + imaginary * imaginary
                 for channel in range(channels):
-                    out[channel, row, j] += share[channel, l] * power
+                    out[channel, row, j] += share[channel, i] * power
 
 
 @njit(inline="always", error_model="numpy")

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from pipeline.optics.diffraction.patch import Float32Array, Float64Array, Patch, RowKernel
 
@@ -60,11 +59,12 @@ def direct_response(patch: Patch, *, coherence_um: float) -> DirectResponse:
     """
     reach = int(np.ceil(_REACH * coherence_um / 4 / patch.pitch_um))
     places = np.arange(-reach, reach + 1)
+    at = np.asarray(places * patch.pitch_um, np.float64)
     rows, columns = patch.height_um.shape
-    window = np.exp(-0.5 * (places * patch.pitch_um * 4 / coherence_um) ** 2)
+    window = np.exp(-0.5 * (at * 4 / coherence_um) ** 2)
     window /= window.sum()
     height = patch.centred()[np.ix_(places % rows, places % columns)]
-    return DirectResponse(places * patch.pitch_um, -places * patch.pitch_um, height, window, window)
+    return DirectResponse(at, -at, height, window, window)
 
 
 @njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc", "arcp"})
@@ -78,8 +78,8 @@ def _direct_rows(  # type: ignore[no-untyped-def]
                 out[channel, row, j] = 0
             if not np.isfinite(w[row, j]):
                 continue
-            for l in range(len(wavelength)):
-                turns = 2 * np.pi / wavelength[l]
+            for i in range(len(wavelength)):
+                turns = 2 * np.pi / wavelength[i]
                 real = imaginary = 0.0
                 for s in range(len(y)):
                     for t in range(len(x)):
@@ -88,7 +88,7 @@ def _direct_rows(  # type: ignore[no-untyped-def]
                         real += weight * np.cos(phase)
                         imaginary += weight * np.sin(phase)
                 for channel in range(channels):
-                    out[channel, row, j] += share[channel, l] * (real * real + imaginary * imaginary)
+                    out[channel, row, j] += share[channel, i] * (real * real + imaginary * imaginary)
 
 
 @dataclass(frozen=True)
@@ -130,5 +130,3 @@ class NonuniformResponse:
 def nonuniform_response(patch: Patch, *, coherence_um: float, tolerance: float = 1e-7) -> NonuniformResponse:
     """Repeat a patch as :func:`direct_response` does; ``tolerance`` is the transform's relative error."""
     return NonuniformResponse(direct_response(patch, coherence_um=coherence_um), tolerance)
-
-

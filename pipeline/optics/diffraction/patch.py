@@ -73,9 +73,9 @@ class Lines:
         return np.ceil((frequency - self.radius) / self.spacing).astype(np.int32)
 
     def weights(self, frequency: Float64Array) -> Float32Array:
-        """Window from each of F frequencies to the lines within its reach, shape (count, F)."""
-        away = (self.first(frequency) + np.arange(self.count)[:, None]) * self.spacing - frequency
-        return np.exp(-0.5 * (away / self.sigma) ** 2).astype(np.float32)
+        """Window from frequencies (L, F) to the lines within their reach, shape (L, count, F)."""
+        line = self.first(frequency)[:, None] + np.arange(self.count)[:, None]
+        return np.exp(-0.5 * ((line * self.spacing - frequency[:, None]) / self.sigma) ** 2).astype(np.float32)
 
 
 def frequency_sigma(coherence_um: float) -> float:
@@ -91,7 +91,8 @@ def lines_of(patch: Patch, coherence_um: float, tolerance: float) -> tuple[Lines
     """Along x and y, with tails left out where the window falls below ``tolerance``."""
     sigma = frequency_sigma(coherence_um)
     radius = sigma * float(np.sqrt(2 * np.log(1 / tolerance)))
-    return tuple(Lines(spacing, sigma, radius) for spacing in patch.spacing_per_um)  # type: ignore[return-value]
+    along_x, along_y = patch.spacing_per_um
+    return Lines(along_x, sigma, radius), Lines(along_y, sigma, radius)
 
 
 def spectral_lines(
@@ -122,8 +123,8 @@ def spectral_lines(
 
 def quotient_range(w: Float64Array, wavelength_um: Float64Array) -> tuple[float, float]:
     """Least and greatest ``w / lambda``; w is negative where light and viewer are above the surface."""
-    ends = [float(edge) / float(lam) for edge in (np.nanmin(w), np.nanmax(w)) for lam in (wavelength_um.min(), wavelength_um.max())]
-    return min(ends), max(ends)
+    ends = np.outer([np.nanmin(w), np.nanmax(w)], [1 / wavelength_um.min(), 1 / wavelength_um.max()])
+    return float(ends.min()), float(ends.max())
 
 
 def reached(lines: Lines, part: Float64Array, wavelength_um: Float64Array) -> tuple[int, int]:

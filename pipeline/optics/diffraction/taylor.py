@@ -60,7 +60,8 @@ class TaylorResponse:
         """As :class:`SpectralResponse` says."""
         axes = np.array([[lines.spacing, lines.sigma, lines.radius, lines.count] for lines in (self.x, self.y)])
         parts = [np.ascontiguousarray(np.broadcast_to(part, out.shape[1:])) for part in uvw]
-        share, table, orders, origin = weights.T.astype(np.float32), self.table, self.orders_per_um, np.array(self.origin)
+        share, origin = weights.T.astype(np.float32), np.array(self.origin)
+        table, orders = self.table, self.orders_per_um
         return lambda start, stop: _taylor_rows(
             table, origin, axes, orders, *parts, wavelength_um, share, start, stop, out
         )
@@ -91,19 +92,12 @@ def taylor_response(
         Frequencies along x and y where the surface sends light; what lies out of the window's reach of all of them is
         taken to be dark (NMM).
     """
-    height = patch.height_um - patch.height_um.min()
-    low, high = quotient_range(uvw[2], wavelength_um)
-    phase = 2 * np.pi * max(abs(low), abs(high)) * float(height.max())
-    count = taylor_terms(phase, tolerance) if terms is None else terms
+    count = taylor_terms(phase_range(patch, uvw[2], wavelength_um), tolerance) if terms is None else terms
     x, y = lines_of(patch, coherence_um, tolerance)
-    spans = [reached(lines, part, wavelength_um) for lines, part in zip((x, y), uvw, strict=False)]
-    table = np.empty((count, spans[1][1] - spans[1][0], spans[0][1] - spans[0][0]), np.complex128)
-    power = np.ones(height.shape, np.complex128)
-    for n in range(count):
-        table[n] = spectral_lines(power, *spans, workers)
-        power *= 2j * np.pi * height / (n + 1)
+    across, along = reached(x, uvw[0], wavelength_um), reached(y, uvw[1], wavelength_um)
+    table = taylor_table(patch.height_um - patch.height_um.min(), count, across, along, workers)
     orders = np.empty((0, 2)) if orders_per_um is None else np.asarray(orders_per_um, np.float64)
-    return TaylorResponse(table, (spans[0][0], spans[1][0]), x, y, orders)
+    return TaylorResponse(table, (across[0], along[0]), x, y, orders)
 
 
 def taylor_terms(phase_rad: float, tolerance: float) -> int:
@@ -122,7 +116,6 @@ def _taylor_rows(  # type: ignore[no-untyped-def]
     table, origin, axes, orders, u, v, w, wavelength, share, start, stop, out
 ):
     channels, _, columns = out.shape
-    terms = len(table)
     x_spacing, sigma, radius, x_count = axes[0, 0], axes[0, 1], axes[0, 2], int(axes[0, 3])
     y_spacing, y_count = axes[1, 0], int(axes[1, 3])
     window = np.empty((y_count, x_count))
@@ -132,8 +125,8 @@ def _taylor_rows(  # type: ignore[no-untyped-def]
                 out[channel, row, j] = 0
             if not np.isfinite(w[row, j]):
                 continue
-            for l in range(len(wavelength)):
-                fx, fy = u[row, j] / wavelength[l], v[row, j] / wavelength[l]
+            for i in range(len(wavelength)):
+                fx, fy = u[row, j] / wavelength[i], v[row, j] / wavelength[i]
                 near = len(orders) == 0
                 for o in range(len(orders)):
                     near = near or (abs(fx - orders[o, 0]) <= radius and abs(fy - orders[o, 1]) <= radius)
@@ -144,17 +137,39 @@ def _taylor_rows(  # type: ignore[no-untyped-def]
                     for t in range(x_count):
                         across, along = (x0 + t) * x_spacing - fx, (y0 + s) * y_spacing - fy
                         window[s, t] = np.exp(-0.5 * (across * across + along * along) / (sigma * sigma))
-                x0 -= origin[0]
-                y0 -= origin[1]
-                turns = w[row, j] / wavelength[l]
-                scale, amplitude = 1.0, 0j
-                for n in range(terms):
-                    looked_up = 0j
-                    for s in range(y_count):
-                        for t in range(x_count):
-                            looked_up += window[s, t] * table[n, y0 + s, x0 + t]
-                    amplitude += scale * looked_up
-                    scale *= turns
-                power = np.float32(amplitude.real * amplitude.real + amplitude.imag * amplitude.imag)
+                power = taylor_power(table, y0 - origin[1], x0 - origin[0], window, w[row, j] / wavelength[i])
                 for channel in range(channels):
-                    out[channel, row, j] += share[channel, l] * power
+                    out[channel, row, j] += share[channel, i] * power
+
+
+@njit(inline="always", error_model="numpy")
+def taylor_power(table, y0, x0, window, turns):  # type: ignore[no-untyped-def]
+    """``|sum_n turns^n sum_st window_st table_n,y0+s,x0+t|^2``: terms of all lines within a window, added up."""
+    height, width = window.shape
+    scale, amplitude = 1.0, 0j
+    for n in range(len(table)):
+        looked_up = 0j
+        for s in range(height):
+            for t in range(width):
+                looked_up += window[s, t] * table[n, y0 + s, x0 + t]
+        amplitude += scale * looked_up
+        scale *= turns
+    return np.float32(amplitude.real * amplitude.real + amplitude.imag * amplitude.imag)
+
+
+def taylor_table(
+    height_um: Float64Array, terms: int, x: tuple[int, int], y: tuple[int, int], workers: int
+) -> Complex128Array:
+    """Spectral lines of ``(2 pi i h)^n / n!``, shape (N, Y, X)."""
+    table = np.empty((terms, y[1] - y[0], x[1] - x[0]), np.complex128)
+    power = np.ones(height_um.shape, np.complex128)
+    for n in range(terms):
+        table[n] = spectral_lines(power, x, y, workers)
+        power *= 2j * np.pi * height_um / (n + 1)
+    return table
+
+
+def phase_range(patch: Patch, w: Float64Array, wavelength_um: Float64Array) -> float:
+    """Greatest phase that the relief makes, in radians."""
+    low, high = quotient_range(w, wavelength_um)
+    return 2 * np.pi * max(abs(low), abs(high)) * patch.relief_um

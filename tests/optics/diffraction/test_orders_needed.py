@@ -1,0 +1,71 @@
+"""How many terms a tolerance needs, and what geometry and Fresnel reflection make of a response."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.polynomial import chebyshev as polynomials
+
+from pipeline.optics.diffraction.chebyshev import degree_for
+from pipeline.optics.diffraction.directions import Directions, disc_of_views, relative_gain, schlick, unit_vector
+from pipeline.optics.diffraction.taylor import taylor_terms
+
+
+@given(st.floats(0, 40), st.sampled_from([1e-2, 1e-4, 1e-6, 1e-9]))
+def test_polynomials_hold_their_tolerance_and_few_are_wasted(phase: float, tolerance: float) -> None:
+    def error(count: int) -> float:
+        nodes = polynomials.chebpts1(count) if count > 1 else np.zeros(1)
+        found = np.linalg.solve(polynomials.chebvander(nodes, count - 1), np.exp(1j * phase * nodes))
+        t = np.linspace(-1, 1, 801)
+        return float(np.abs(polynomials.chebval(t, found) - np.exp(1j * phase * t)).max())
+
+    count = degree_for(phase, tolerance)
+    assert error(count) < tolerance + 1e-12
+    if count > 3:
+        assert error(count - 3) > tolerance
+
+
+@given(st.floats(0, 30), st.sampled_from([1e-2, 1e-4, 1e-8]))
+def test_taylor_terms_hold_their_tolerance(phase: float, tolerance: float) -> None:
+    count = taylor_terms(phase, tolerance)
+    left = sum((1j * phase) ** n / math.factorial(n) for n in range(count, min(count + 60, 165)))
+    assert abs(left) <= tolerance * 1.001
+
+
+@pytest.mark.parametrize(("terms", "published"), [(20, 2.9950e-4), (25, 8.8150e-8), (30, 1.0050e-11)])
+def test_the_published_bound_for_a_bump_of_stam_is_met_by_those_terms(terms: int, published: float) -> None:
+    """Single 2014, below equation 1.51: ``exp(x) x^(N + 1) / (N + 1)!`` at 1.5 pi."""
+    x = 1.5 * np.pi
+    assert np.exp(x) * x ** (terms + 1) / math.factorial(terms + 1) == pytest.approx(published, rel=2e-3)
+    assert taylor_terms(x, published) <= terms + 1
+
+
+def test_a_quarter_as_many_polynomials_as_taylor_terms_do() -> None:
+    phase = 2 * np.pi * 2 / 0.38 * 0.8187
+    assert degree_for(phase / 4, 1e-4) * 4 < taylor_terms(phase, 1e-4)
+
+
+def test_a_mirror_at_normal_incidence_has_gain_one_and_grazing_views_stay_finite() -> None:
+    straight = Directions(unit_vector(0.0)[None, None], unit_vector(np.zeros((1, 1))))
+    assert relative_gain(straight)[0, 0] == pytest.approx(1)
+    disc = disc_of_views(unit_vector(0.3), 200)
+    gain = relative_gain(disc)
+    assert np.isnan(gain[0, 0])
+    assert np.nanmax(gain) < np.nanmax(relative_gain(disc, shadowed=False))
+
+
+def test_schlick_is_the_normal_reflectance_head_on_and_one_at_grazing() -> None:
+    theta = np.array([[0.0, np.pi / 2 - 1e-9]])
+    mirrored = Directions(unit_vector(theta), unit_vector(theta, np.pi))
+    np.testing.assert_allclose(schlick(mirrored, 1.5)[0], [0.04, 1.0], atol=1e-6)
+
+
+def test_the_disc_looks_right_along_x_and_up_along_y() -> None:
+    view = disc_of_views(unit_vector(0.0), 9).view
+    assert view[4, 8, 0] > 0.8
+    assert view[0, 4, 1] > 0.8
+    np.testing.assert_allclose(np.linalg.norm(view[4, 4]), 1)
