@@ -298,6 +298,28 @@ class LineDeviation:
 
 
 @dataclass(frozen=True, eq=False)
+class HeightField:
+    """Heights of a surface over a plane, on square pixels.
+
+    Attributes
+    ----------
+    height_um : ndarray of shape (M, N), float32 or float64
+        Up, from any zero; NaN where it is not known. Row 0 is the one of largest y, so x goes right and y up.
+    pitch_um : float
+        Distance of neighbouring samples.
+    periodic : bool
+        True where the surface goes on as this tile repeated, N pitches wide and M high.
+    caption : str
+        What it is, and where it comes from.
+    """
+
+    height_um: FloatArray
+    pitch_um: float
+    periodic: bool = False
+    caption: str = ""
+
+
+@dataclass(frozen=True, eq=False)
 class Metrics:
     """Figures for the table: each name ends in its unit."""
 

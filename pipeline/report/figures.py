@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pipeline.data import (
     Defects,
     GratingSample,
+    HeightField,
     Inspection,
     LineDeviation,
     Metrics,
@@ -25,6 +26,7 @@ from pipeline.data import (
 )
 from pipeline.optics.colour import encode_srgb
 from pipeline.report.encoded import webp_uri
+from pipeline.report.heights import heights
 from pipeline.report.inspections import drawn, inspection
 from pipeline.report.maps import Scale, map_with_bar, marked, orientation_map, size_of, spread
 from pipeline.report.naming import labelled
@@ -204,5 +206,6 @@ DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     LineDeviation: lambda value, _: deviations(value),
     Defects: drawn,
     Inspection: inspection,
+    HeightField: lambda value, _: heights(value),
     Metrics: lambda *_: [],
 }

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pipeline.data import (
     Defects,
     GratingSample,
+    HeightField,
     Inspection,
     LineDeviation,
     OrientationError,
@@ -243,6 +244,11 @@ def _inspection(stem: Path, value: Inspection) -> Written:
     yield _exr(stem, channels, pixel_mm=value.defects.pixel_mm)
 
 
+def _heights(stem: Path, value: HeightField) -> Written:
+    yield _exr(stem, {"height_um": value.height_um}, pitch_um=value.pitch_um, periodic=value.periodic)
+    yield _png(stem, _coloured(value.height_um, spread(value.height_um, "height (µm)")))
+
+
 def _exr(stem: Path, channels: dict[str, NDArray[Any]], **attributes: float | None) -> Path:
     path = stem.with_name(f"{stem.name}.exr")
     write_exr(path, channels, attributes)
@@ -270,4 +276,5 @@ WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     LineDeviation.__name__: _deviation,
     Defects.__name__: _defects,
     Inspection.__name__: _inspection,
+    HeightField.__name__: _heights,
 }
