@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import make_interp_spline
+from scipy.signal import resample
 
 Float64Array = NDArray[np.float64]
 
@@ -58,3 +59,49 @@ def filled(height: NDArray[np.floating]) -> Float64Array:
         return np.zeros(whole.shape)
     row, column = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
     return np.asarray(whole[row, column])
+
+
+def resampled(height: NDArray[np.floating], factor: float) -> Float64Array:
+    """A map whose pitch is ``factor`` times as large, without what the new pitch cannot hold.
+
+    Before a coarser sampling a Gaussian takes away what would fold over, of standard deviation ``sqrt(factor^2 - 1) /
+    2`` old pitches: from a factor of 2 on, at most 2.5 percent are left of what would fold onto zero.
+
+    Parameters
+    ----------
+    height : ndarray of shape (M, N)
+        NaN where it is not known.
+    factor : float
+        New pitch over old one.
+
+    Returns
+    -------
+    ndarray
+        The first sample stays where it is; the last lies within the map.
+    """
+    row, column = (np.arange(math.floor((count - 1) / factor + 1e-9) + 1) * factor for count in height.shape)
+    return at_places(_blurred(height, math.sqrt(max(factor**2 - 1, 0)) / 2), row, column)
+
+
+def resampled_tile(height: NDArray[np.floating], rows: int, columns: int) -> Float64Array:
+    """A tile that repeats, on another number of samples: the same Fourier series, cut where the new tile ends.
+
+    Parameters
+    ----------
+    height : ndarray of shape (M, N)
+        All known.
+    rows, columns : int
+        Of the new tile.
+    """
+    once = resample(np.asarray(height, np.float64), rows, axis=0)
+    return np.asarray(resample(once, columns, axis=1))
+
+
+def _blurred(height: NDArray[np.floating], sigma: float) -> NDArray[np.floating]:
+    """Gaussian mean of what is known."""
+    if sigma == 0:
+        return height
+    known = np.isfinite(height)
+    total = ndimage.gaussian_filter(np.where(known, height, 0.0).astype(np.float64), sigma, mode="nearest")
+    share = ndimage.gaussian_filter(known.astype(np.float64), sigma, mode="nearest")
+    return np.where(known, total / np.maximum(share, 1e-12), np.nan)
