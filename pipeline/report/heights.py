@@ -1,4 +1,4 @@
-"""Height fields: a map, and profiles through its middle."""
+"""Height fields: a map, and profiles through its middle; the periods in their spectrum."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from pipeline.data import HeightField
-from pipeline.report.maps import map_with_bar, size_of, spread
+from pipeline.data import HeightField, Periodicity
+from pipeline.report.maps import Mark, Scale, map_with_bar, size_of, spread
 from pipeline.report.pictures import Figure
 from pipeline.report.svg import Axes, Svg, room_for, ticks
 
+DECADES = 8.0
+"""Span of the spectrum's colours at most."""
 Line = NDArray[np.floating]
 
 MOST_SAMPLES = 400
@@ -36,6 +38,44 @@ def heights(value: HeightField) -> list[Figure]:
     ]
     drawn = map_with_bar(height, value.pitch_um, spread(height, "height (µm)"), unit="µm")
     return [Figure("height", drawn, " ".join(filter(None, said))), *([_profiles(value)] if known.size else [])]
+
+
+def periods(value: Periodicity) -> list[Figure]:
+    """The spectrum with a box around each peak that was found."""
+    power = np.log10(np.maximum(value.power_um2, np.finfo(np.float32).tiny))
+    high = float(power.max())
+    low = max(float(np.percentile(power, 5)), high - DECADES)
+    drawn = map_with_bar(power, value.step_per_um[0], _scale(low, high), _boxes(value), unit="1/µm")
+    found = "; ".join(
+        f"{index}: {period:.4g} ± {error:.2g} µm at {np.rad2deg(direction):.2f} ± {np.rad2deg(off):.2g}°"
+        for index, (period, error, direction, off) in enumerate(
+            zip(
+                value.period_um,
+                value.period_error_um,
+                value.direction_rad,
+                value.direction_error_rad,
+                strict=True,
+            ),
+            1,
+        )
+    )
+    said = f"Boxes: the periods, {found}." if found else "No period stands out."
+    return [Figure("spectrum", drawn, f"Spectrum of the heights over frequency, x right and y up. {said}")]
+
+
+def _scale(low: float, high: float) -> Scale:
+    return Scale("log₁₀ power (µm²)", low, high if high > low else low + 1)
+
+
+def _boxes(value: Periodicity) -> list[Mark]:
+    boxes = []
+    for index, (period, direction, spread_) in enumerate(
+        zip(value.period_um, value.direction_rad, value.spread, strict=True), 1
+    ):
+        x, y = np.cos(direction) / period, np.sin(direction) / period
+        half = max(3 * max(value.step_per_um), spread_ / period)
+        boxes.append(Mark(str(index), x - half, x + half, y - half, y + half))
+    return boxes
 
 
 def _profiles(value: HeightField) -> Figure:
