@@ -37,6 +37,8 @@ _REACH = 4
 _HIGHEST_MULTIPLE, _HIGHEST_SUM = 12, 4
 _COINCIDE = 0.03
 """Part of its frequency, or three bins if that is more, by which a peak may miss a sum of others that explains it."""
+_FLANK = 0.2
+"""Part of its height over what lies around that still belongs to a wide peak."""
 _WIDE = 3.0
 """Widths of a peak found within which others are parts of it."""
 _LINE_CONTRAST = 3.0
@@ -248,7 +250,7 @@ def _as_band(
     rows, columns = slice(max(row - reach, 0), row + reach + 1), slice(max(column - reach, 0), column + reach + 1)
     smooth, power = smoothed[rows, columns], rest[rows, columns]
     top = smooth[row - rows.start, column - columns.start]
-    labels, _ = ndimage.label(smooth > level + (top - level) / 2)
+    labels, _ = ndimage.label(smooth > level + _FLANK * (top - level))
     region = labels == labels[row - rows.start, column - columns.start]
     if smooth[region].max() > top:
         return None

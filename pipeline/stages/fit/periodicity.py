@@ -39,7 +39,8 @@ def periodicity(surface: HeightField, *, count: int = 2, contrast: float = 10.0)
     out from the other directions of its frequency as well as from the other frequencies of its direction, so that
     neither roughness, nor an isotropic texture, nor the streak of lines that jump is taken for one. A peak as sharp as
     the window allows is refined to a part of a bin by Newton's method, and its error is that of a wave in the noise
-    around it; a wider one gives its centroid, and its error follows from how powers scatter. Multiples of a period and
+    around it; a wider one gives its centroid, and its error follows from how powers scatter, which is too small, up to
+    twofold, where the map holds only a few parts that vary independently. Multiples of a period and
     sums of them are left out. A tile that repeats has whole cycles, whose periods are exact; it needs no window.
 
     Parameters
