@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from pipeline.data import (
     Defects,
     GratingSample,
+    HeightField,
     Inspection,
     LineDeviation,
     Metrics,
     OrientationError,
     OrientationMap,
+    Periodicity,
     PeriodMap,
     PictureSeries,
     PolarizerResponse,
@@ -25,6 +27,7 @@ from pipeline.data import (
 )
 from pipeline.optics.colour import encode_srgb
 from pipeline.report.encoded import webp_uri
+from pipeline.report.heights import heights, periods
 from pipeline.report.inspections import drawn, inspection
 from pipeline.report.maps import Scale, map_with_bar, marked, orientation_map, size_of, spread
 from pipeline.report.naming import labelled
@@ -222,5 +225,7 @@ DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     LineDeviation: lambda value, _: deviations(value),
     Defects: drawn,
     Inspection: inspection,
+    HeightField: lambda value, _: heights(value),
+    Periodicity: lambda value, _: periods(value),
     Metrics: lambda *_: [],
 }

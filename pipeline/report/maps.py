@@ -66,10 +66,10 @@ def spread(values: NDArray[np.floating], label: str, percent: float = 0.25) -> S
 
 
 def map_with_bar(
-    values: NDArray[np.floating], pixel_mm: float | None, scale: Scale, marks: Sequence[Mark] = ()
+    values: NDArray[np.floating], pitch: float | None, scale: Scale, marks: Sequence[Mark] = (), *, unit: str = "mm"
 ) -> Markup:
-    """A map, its colour bar, and how many pixels have each colour."""
-    svg, axes = _framed(values.shape, pixel_mm, 170)
+    """A map, its colour bar, and how many pixels have each colour; the pitch is in ``unit``."""
+    svg, axes = _framed(values.shape, pitch, 170, unit)
     shown = colours(reduced(values), scale.low, scale.high, scale.shades)
     svg.image(png_uri(shown), axes.left, axes.top, axes.width, axes.height)
     axes.frame()
@@ -128,13 +128,13 @@ def size_of(shape: tuple[int, ...], *, most: int = MOST_PIXELS, axial: bool = Fa
     return f"{columns} × {rows} pixels, shown as the {mean} over {areas}."
 
 
-def _framed(shape: tuple[int, ...], pixel_mm: float | None, beside: float) -> tuple[Svg, Axes]:
-    """Axes around a map: in mm from the centre, y up, or in pixels from the upper left corner."""
+def _framed(shape: tuple[int, ...], pitch: float | None, beside: float, unit: str = "mm") -> tuple[Svg, Axes]:
+    """Axes around a map: from the centre, y up, or in pixels from the upper left corner where no pitch is known."""
     rows, columns = shape[:2]
     shrink = SIDE / max(rows, columns)
     width, height = max(columns * shrink, 40.0), max(rows * shrink, 40.0)
-    if pixel_mm:
-        half_x, half_y = columns * pixel_mm / 2, rows * pixel_mm / 2
+    if pitch:
+        half_x, half_y = columns * pitch / 2, rows * pitch / 2
         x, y = (-half_x, half_x), (-half_y, half_y)
     else:
         x, y = (0.0, float(columns)), (float(rows), 0.0)
@@ -142,8 +142,8 @@ def _framed(shape: tuple[int, ...], pixel_mm: float | None, beside: float) -> tu
     left = max(LEFT, room_for(down))
     svg = Svg(left + width + beside, TOP + height + BELOW)
     axes = Axes(svg, (left, TOP, width, height), x, y)
-    axes.label_x("x (mm)" if pixel_mm else "column (px)", ticks(min(x), max(x), most=max(2, int(width // 48))))
-    axes.label_y("y (mm)" if pixel_mm else "row (px)", down)
+    axes.label_x(f"x ({unit})" if pitch else "column (px)", ticks(min(x), max(x), most=max(2, int(width // 48))))
+    axes.label_y(f"y ({unit})" if pitch else "row (px)", down)
     return svg, axes
 
 

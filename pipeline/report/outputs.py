@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 from pipeline.data import (
     Defects,
     GratingSample,
+    HeightField,
     Inspection,
     LineDeviation,
     OrientationError,
     OrientationMap,
+    Periodicity,
     PeriodMap,
     PictureSeries,
     PolarizerResponse,
@@ -219,18 +221,12 @@ def _response(stem: Path, value: PolarizerResponse) -> Written:
 
 
 def _deviation(stem: Path, value: LineDeviation) -> Written:
-    path = stem.with_name(f"{stem.name}.csv")
     columns = {
         "orientation_deg": value.orientation_rad,
         "deviation_deg": value.deviation_rad,
         "prenormalized_deviation_deg": value.prenormalized_rad,
     }
-    table = io.StringIO()
-    rows = csv.writer(table, lineterminator="\n")
-    rows.writerow(columns)
-    rows.writerows(np.rad2deg(np.stack(list(columns.values()), axis=1)).tolist())
-    write_text(path, table.getvalue())
-    yield path
+    yield _csv(stem, {name: np.rad2deg(column) for name, column in columns.items()})
 
 
 def _defects(stem: Path, value: Defects) -> Written:
@@ -245,9 +241,40 @@ def _inspection(stem: Path, value: Inspection) -> Written:
     yield _exr(stem, channels, pixel_mm=value.defects.pixel_mm)
 
 
+def _heights(stem: Path, value: HeightField) -> Written:
+    yield _exr(stem, {"height_um": value.height_um}, pitch_um=value.pitch_um, periodic=value.periodic)
+    yield _png(stem, _coloured(value.height_um, spread(value.height_um, "height (µm)")))
+
+
+def _periods(stem: Path, value: Periodicity) -> Written:
+    yield _exr(
+        stem, {"power_um2": value.power_um2}, step_x_per_um=value.step_per_um[0], step_y_per_um=value.step_per_um[1]
+    )
+    columns = {
+        "period_um": value.period_um,
+        "period_error_um": value.period_error_um,
+        "direction_deg": np.rad2deg(value.direction_rad),
+        "direction_error_deg": np.rad2deg(value.direction_error_rad),
+        "rms_um": value.rms_um,
+        "spread": value.spread,
+        "contrast": value.contrast,
+    }
+    yield _csv(stem, columns)
+
+
 def _exr(stem: Path, channels: dict[str, NDArray[Any]], **attributes: float | None) -> Path:
     path = stem.with_name(f"{stem.name}.exr")
     write_exr(path, channels, attributes)
+    return path
+
+
+def _csv(stem: Path, columns: dict[str, NDArray[Any]]) -> Path:
+    path = stem.with_name(f"{stem.name}.csv")
+    table = io.StringIO()
+    rows = csv.writer(table, lineterminator="\n")
+    rows.writerow(columns)
+    rows.writerows(np.stack(list(columns.values()), axis=1).tolist())
+    write_text(path, table.getvalue())
     return path
 
 
@@ -272,4 +299,6 @@ WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     LineDeviation.__name__: _deviation,
     Defects.__name__: _defects,
     Inspection.__name__: _inspection,
+    HeightField.__name__: _heights,
+    Periodicity.__name__: _periods,
 }

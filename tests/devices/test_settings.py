@@ -21,7 +21,7 @@ from pipeline.graph.catalog import Catalog, Entry
 
 CATALOG = Catalog(Sources())
 RIG = PolarizationBench(camera=Camera(), mount=SimulatedRotationMount(), light=Panel())
-GIVEN = {"electrons": 10_000.0, "lights_mm": [[100.0, 0.0, 300.0]], "rig": RIG}
+GIVEN = {"electrons": 10_000.0, "lights_mm": [[100.0, 0.0, 300.0]], "rig": RIG, "pitch_um": 0.1, "name": "elaphe"}
 OPTICS = {"phase_deg", "retardation_deg", "film_axis_deg"}
 EITHER_SIGN = {
     "capture.polarizer_sequence": {"span_deg", "step_deg"},
@@ -29,6 +29,11 @@ EITHER_SIGN = {
     "fit.cosine": {"threshold"},
     "fit.jones": {"retardation_deg", "film_axis_deg", "threshold"},
     "fit.offset": {"known_deg"},
+    "simulate.blaze": {"orientation_deg"},
+    "simulate.bumps": {"orientation_deg"},
+    "simulate.cd_tracks": {"orientation_deg"},
+    "simulate.cosine_grating": {"orientation_deg"},
+    "simulate.scanned": {"tilt_direction_deg"},
     "simulate.banknote_emblem": OPTICS | {"turn_deg"},
     "simulate.compact_disc": {"phase_deg"},
     "simulate.defects": {"turn_deg"},
@@ -60,12 +65,18 @@ def cases(entries: dict[str, Entry], names: tuple[str, ...] = ()) -> list[tuple[
 
 
 @pytest.mark.parametrize(("name", "setting"), cases(CATALOG.stages))
-def test_no_stage_takes_a_negative_number_where_none_makes_sense(name: str, setting: str) -> None:
+def test_no_stage_takes_a_negative_number_where_none_makes_sense(
+    name: str, setting: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    np.save(tmp_path / "map.npy", np.eye(4))
+    given = {**GIVEN, "file": tmp_path / "map.npy"}
     entry = CATALOG.stages[name]
     module, function = importlib.import_module(entry.module), entry.signature.name
     parameters = inspect.signature(getattr(module, function)).parameters.values()
-    settings = {p.name: GIVEN.get(p.name, p.default) for p in parameters if p.kind == p.KEYWORD_ONLY}
+    settings = {p.name: given.get(p.name, p.default) for p in parameters if p.kind == p.KEYWORD_ONLY}
     check = getattr(module, f"_check_{function}")
+    if hasattr(module, "published_file"):  # which would have to be downloaded
+        monkeypatch.setattr(module, "published_file", lambda _: tmp_path)
     check(**settings)
     with pytest.raises(InputError, match=rf"^{setting} is -1\s+where: +{setting}\s+expected: "):
         check(**{**settings, setting: -1})

@@ -1,0 +1,66 @@
+"""Height fields in the report, among the files, and in the store."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+import pipeline.data
+from pipeline.data import HeightField
+from pipeline.report.figures import figures_of
+from pipeline.report.outputs import WRITERS
+from pipeline.storage.artifact import content_of, digest_of, read_artifact, write_artifact
+
+
+def field(rows: int = 6, columns: int = 9) -> HeightField:
+    height = np.arange(rows * columns, dtype=np.float32).reshape(rows, columns) / 100
+    height[2, 3] = np.nan
+    return HeightField(height, 0.065, caption="A made-up ramp")
+
+
+def test_the_map_is_in_micrometres_and_the_caption_says_what_it_is() -> None:
+    drawn, profile = figures_of(field())
+    assert {"x (µm)", "y (µm)", "height (µm)"} <= set(re.findall(r">([^<]+)</text>", drawn.body))
+    assert drawn.caption.startswith("A made-up ramp. 0.585 × 0.39 µm, a sample every 65 nm. Lowest to highest 0.53 µm")
+    assert "Grey: not known, 1.9 percent." in drawn.caption
+    assert "repeats" not in drawn.caption
+    assert "repeats" in figures_of(HeightField(field().height_um, 0.1, periodic=True))[0].caption
+    assert profile.title == "profile"
+
+
+def test_profiles_go_right_and_up_and_break_where_nothing_is_known() -> None:
+    """The middle row is whole; the middle column, number 4, too; column 3 is broken at its third sample."""
+    body = figures_of(field())[1].body
+    (across,), (up,) = re.findall(r'class="curve" d="M([^"]+)"', body), re.findall(r'class="second" d="M([^"]+)"', body)
+    along_x, along_y = (np.array([p.split(",") for p in path.split()], float) for path in (across, up))
+    assert (len(along_x), len(along_y)) == (9, 6)
+    assert (np.diff(along_x[:, 1]) < 0).all()  # heights grow to the right; y of a drawing goes down
+    assert (np.diff(along_y[:, 1]) > 0).all()  # and fall upwards, since they grow with the row
+    broken = figures_of(HeightField(field().height_um[:, 1:6], 0.065))[1].body  # number 3 becomes the middle
+    assert len(re.findall(r'class="second" d="', broken)) == 2
+
+
+def test_a_field_of_which_nothing_is_known_is_drawn_all_the_same() -> None:
+    (drawn,) = figures_of(HeightField(np.full((3, 4), np.nan, np.float32), 0.1))
+    assert "No height is known." in drawn.caption
+
+
+def test_the_files_hold_the_heights_and_the_pitch(tmp_path: Path) -> None:
+    files = {path.name for path in WRITERS["HeightField"](tmp_path / "surface", field())}
+    assert files == {"surface.exr", "surface.png"}
+    source = oiio.ImageInput.open(str(tmp_path / "surface.exr"))
+    np.testing.assert_array_equal(source.read_image("float")[..., 0], field().height_um)
+    assert source.spec().channelnames == ("height_um",)
+    assert source.spec().getattribute("pitch_um") == np.float32(0.065)
+    source.close()
+
+
+def test_the_store_gives_back_what_it_got(tmp_path: Path) -> None:
+    description, arrays = content_of(field())
+    write_artifact(tmp_path, description, arrays)
+    back = read_artifact(tmp_path, {"HeightField": pipeline.data.HeightField}, artifact=digest_of(description))
+    np.testing.assert_array_equal(back.height_um, field().height_um)
+    assert (back.pitch_um, back.periodic, back.caption) == (0.065, False, "A made-up ramp")
