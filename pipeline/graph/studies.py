@@ -52,19 +52,23 @@ class Maps:
         Settings along y and x.
     metrics : tuple of str
         Figures, each with maps of its own.
-    limit : float or None
-        Where to draw a contour.
+    limit : float, mapping of str to float, or None
+        Where to draw a line: on every map, or on those of the figures named.
     """
 
     rows: str
     columns: str
     metrics: tuple[str, ...]
-    limit: float | None = None
+    limit: float | Mapping[str, float] | None = None
+
+    def limit_of(self, metric: str) -> float | None:
+        """Where the map of a figure has its line."""
+        return self.limit.get(metric) if isinstance(self.limit, Mapping) else self.limit
 
 
 KEYS = {
     "tradeoff": {"error": "str", "node": "str", "repeats": "int", "panels": "str | list[str]"},
-    "maps": {"rows": "str", "columns": "str", "metrics": "str | list[str]", "limit": "float | None"},
+    "maps": {"rows": "str", "columns": "str", "metrics": "str | list[str]", "limit": "float | dict[str, float] | None"},
 }
 NEEDED = {"tradeoff": ("error", "node"), "maps": ("rows", "columns", "metrics")}
 
@@ -116,7 +120,8 @@ def maps_of(configuration: Configuration, swept: Collection[str]) -> Maps | None
     Raises
     ------
     InputErrors
-        Unknown or missing keys, values of a wrong type, rows or columns that are not swept, or that are the same.
+        Unknown or missing keys, values of a wrong type, rows or columns that are not swept, or that are the same, a
+        limit of a figure that is not mapped.
     """
     written = _section("maps", configuration)
     if written is None:
@@ -129,6 +134,17 @@ def maps_of(configuration: Configuration, swept: Collection[str]) -> Maps | None
         problems.append(_error(configuration, "maps.columns", what, "two settings"))
     if not wanted.metrics:
         problems.append(_error(configuration, "maps.metrics", "metrics is empty", "names of figures of merit"))
+    problems += [
+        _error(
+            configuration,
+            f"maps.limit.{name}",
+            f"'{name}' is none of the figures that are mapped",
+            "a name from: " + ", ".join(wanted.metrics),
+            nearest(name, wanted.metrics),
+        )
+        for name in (wanted.limit if isinstance(wanted.limit, Mapping) else ())
+        if name not in wanted.metrics
+    ]
     if problems:
         raise InputErrors(problems)
     return wanted
