@@ -13,7 +13,7 @@ from pipeline.bench import Experiment, carry_out, check_writable, plan_of
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
 from pipeline.execution.again import least_seconds
 from pipeline.execution.executors import executor_of
-from pipeline.execution.merge import merge
+from pipeline.execution.merge import Labelled, merge
 from pipeline.execution.outcome import Listener, Outcome, Silent
 from pipeline.execution.plan import recheck
 from pipeline.graph.catalog import Catalog, Entry
@@ -141,7 +141,11 @@ def run_sweep(
     batches.time()
     done = batches.sweep
     done.seconds = time.perf_counter() - start
+    drawing = "drawing the report"
+    log(drawing)
+    listener.started(drawing)
     write_sweep(done)
+    listener.ended(Outcome(drawing, "cached"))
     if done.metrics and (unknown := unknown_figures(done.tradeoff, done.maps, done.metrics)):
         raise InputErrors(unknown)
     return done
@@ -200,7 +204,8 @@ class _Batches:
             plan = plan_of(first, merged.graph, last=last, forced=anew, taken=taken)
             executor = executor_of(content.get("executor") or {}, self.log)
             check_writable(first.runs)
-            outcomes = carry_out(recheck(plan, first.store), first.store, self.catalog.sources, executor, self.listener)
+            listener = Labelled(self.listener, merged.labels(jobs))
+            outcomes = carry_out(recheck(plan, first.store), first.store, self.catalog.sources, executor, listener)
             seconds = time.perf_counter() - start
             runs = [
                 experiment.finish(merged.outcomes_of(index, outcomes), seconds)
