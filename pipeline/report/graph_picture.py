@@ -57,7 +57,7 @@ def graph_svg(nodes: Mapping[str, NodeView]) -> Markup:
     width, height = way.xy(along, across)
     drawn = [_edge(edge, place, f"{edge[0][0]} to {edge[-1][0]}: {said}", way) for edge, said in edges]
     drawn += [_box(nodes[slot[0]], at, way) for slot, at in place.items() if slot[1] < 0]
-    least = width if way.down else 118 * len(layers)
+    least = 0.75 * width if way.down else 118 * len(layers)
     return Markup(
         f'<svg class="graph" viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="graph of the experiment" '
         f'style="min-width:{min(width, least):.0f}px;max-width:{width:.0f}px">{"".join(drawn)}</svg>'
