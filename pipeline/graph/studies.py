@@ -120,8 +120,7 @@ def maps_of(configuration: Configuration, swept: Collection[str]) -> Maps | None
     Raises
     ------
     InputErrors
-        Unknown or missing keys, values of a wrong type, rows or columns that are not swept, or that are the same, a
-        limit of a figure that is not mapped.
+        Unknown or missing keys, values of a wrong type, rows or columns that are not swept, or that are the same.
     """
     written = _section("maps", configuration)
     if written is None:
@@ -134,17 +133,6 @@ def maps_of(configuration: Configuration, swept: Collection[str]) -> Maps | None
         problems.append(_error(configuration, "maps.columns", what, "two settings"))
     if not wanted.metrics:
         problems.append(_error(configuration, "maps.metrics", "metrics is empty", "names of figures of merit"))
-    problems += [
-        _error(
-            configuration,
-            f"maps.limit.{name}",
-            f"'{name}' is none of the figures that are mapped",
-            "a name from: " + ", ".join(wanted.metrics),
-            nearest(name, wanted.metrics),
-        )
-        for name in (wanted.limit if isinstance(wanted.limit, Mapping) else ())
-        if name not in wanted.metrics
-    ]
     if problems:
         raise InputErrors(problems)
     return wanted
@@ -154,6 +142,7 @@ def unknown_figures(tradeoff: Tradeoff | None, maps: Maps | None, known: Collect
     """Figures that are asked for and that no point has; which there are is known only when points were computed."""
     asked = [("tradeoff.error", tradeoff.error)] if tradeoff else []
     asked += [("maps.metrics", name) for name in maps.metrics] if maps else []
+    asked += [("maps.limit", name) for name in maps.limit] if maps and isinstance(maps.limit, Mapping) else []
     return [
         InputError(f"no point has a figure '{name}'", where=place, hint=nearest(name, known))
         for place, name in asked
