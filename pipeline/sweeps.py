@@ -13,11 +13,11 @@ from pipeline.bench import Experiment, carry_out, check_writable, plan_of
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
 from pipeline.execution.again import least_seconds
 from pipeline.execution.executors import executor_of
-from pipeline.execution.merge import merge
+from pipeline.execution.merge import Labelled, merge
 from pipeline.execution.outcome import Listener, Outcome, Silent
 from pipeline.execution.plan import recheck
 from pipeline.graph.catalog import Catalog, Entry
-from pipeline.graph.compose import hydra_ready, opened, readable_errors
+from pipeline.graph.compose import hydra_ready, is_sweep, opened, readable_errors
 from pipeline.graph.config import groups
 from pipeline.graph.nodes import Node
 from pipeline.graph.selection import forced
@@ -141,7 +141,11 @@ def run_sweep(
     batches.time()
     done = batches.sweep
     done.seconds = time.perf_counter() - start
+    drawing = "drawing the report"
+    log(drawing)
+    listener.started(drawing)
     write_sweep(done)
+    listener.ended(Outcome(drawing, "cached"))
     if done.metrics and (unknown := unknown_figures(done.tradeoff, done.maps, done.metrics)):
         raise InputErrors(unknown)
     return done
@@ -200,7 +204,8 @@ class _Batches:
             plan = plan_of(first, merged.graph, last=last, forced=anew, taken=taken)
             executor = executor_of(content.get("executor") or {}, self.log)
             check_writable(first.runs)
-            outcomes = carry_out(recheck(plan, first.store), first.store, self.catalog.sources, executor, self.listener)
+            listener = Labelled(self.listener, merged.labels(jobs))
+            outcomes = carry_out(recheck(plan, first.store), first.store, self.catalog.sources, executor, listener)
             seconds = time.perf_counter() - start
             runs = [
                 experiment.finish(merged.outcomes_of(index, outcomes), seconds)
@@ -296,7 +301,7 @@ def _globbed(text: str, texts: Sequence[str], load: Callable[[Sequence[str]], Ex
     if match is None:
         return text
     name, pattern = match[1], match[2].strip("\"'")
-    plain_words = [t for t in texts if t != text and not _is_sweep(t)]
+    plain_words = [t for t in texts if t != text and not is_sweep(t)]
     node = load(plain_words).graph.nodes.get(name)
     if node is None:
         raise InputError(f"there is no node '{name}'", where=f"override {text.lstrip('+')}", hint=nearest(name, []))
@@ -323,12 +328,6 @@ def _takes(entry: Entry, given: set[str], set_already: set[str]) -> bool:
     needed = {name for name, (parameter, _) in entry.inputs.items() if parameter.required}
     needs_settings = {name for name, (parameter, _) in entry.settings.items() if parameter.required}
     return needed <= given and bool(set(entry.inputs) & given) == bool(given) and needs_settings <= set_already
-
-
-def _is_sweep(text: str) -> bool:
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
-    return bool(OverridesParser.create().parse_override(text).is_sweep_override())
 
 
 def _sources(words: Sequence[str]) -> Any:

@@ -13,7 +13,7 @@ from toys import Toys
 from pipeline.bench import Experiment
 from pipeline.errors import InputError, InputErrors
 from pipeline.execution.merge import merge
-from pipeline.execution.outcome import Silent
+from pipeline.execution.outcome import Outcome, Silent
 from pipeline.sweeps import Sweep, run_sweep
 
 
@@ -39,6 +39,40 @@ def test_a_sweep_gives_what_separate_runs_give(toys: Toys) -> None:
         assert {n: r.artifact for n, r in alone.nodes.items()} == {n: r.artifact for n, r in point.run.nodes.items()}
         assert alone.path == point.run.path
         np.testing.assert_array_equal(alone["cut"].period_um, point.run["cut"].period_um)
+
+
+class Heard(Silent):
+    """A listener that keeps what it heard."""
+
+    def __init__(self) -> None:
+        self.begun: list[str] = []
+        self.outcomes: list[Outcome] = []
+
+    def started(self, name: str) -> None:
+        self.begun.append(name)
+
+    def ended(self, outcome: Outcome) -> None:
+        self.outcomes.append(outcome)
+
+
+def test_a_stage_goes_by_the_point_that_it_serves(toys: Toys) -> None:
+    toys.forget()
+    heard, log = Heard(), list[str]()
+    words = ["+experiment=toy", f"paths.runs={toys.folder / 'runs'}", "graph.big.factor=2,3", "graph.cut.most=1,9"]
+    run_sweep(words, [], heard, log.append)
+    assert {"raw", "big at graph.big.factor=2", "big at graph.big.factor=3"} < set(heard.begun)
+    assert "cut at graph.big.factor=3 graph.cut.most=9" in heard.begun
+    assert not [name for name in heard.begun if "~" in name]
+    assert (heard.begun[-1], log[-1]) == ("drawing the report",) * 2
+
+
+def test_what_a_blocked_stage_waits_for_goes_by_its_point_too(toys: Toys) -> None:
+    toys.forget()
+    heard = Heard()
+    words = ["graph.cut.stage=toy.clip,toy.fails", "graph.big.factor=2,3"]
+    run_sweep(["+experiment=toy", f"paths.runs={toys.folder / 'runs'}", *words], [], heard)
+    causes = {cause for outcome in heard.outcomes for cause in outcome.blocked_by}
+    assert causes == {f"cut at graph.cut.stage=toy.fails graph.big.factor={factor}" for factor in (2, 3)}
 
 
 def test_a_second_sweep_runs_nothing_and_a_wider_one_only_what_is_new(toys: Toys) -> None:

@@ -20,7 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.devices.capture_yaml import CAPTURE_FILE, Capture, PhotoEntry, radians_of
+from pipeline.devices.capture_yaml import CAPTURE_FILE, Capture, PhotoEntry
+from pipeline.devices.decimal_angles import radians_of
 from pipeline.errors import InputError, InputErrors, nearest
 
 _LEAST_STEP_DEG = 3.0

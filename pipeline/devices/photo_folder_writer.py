@@ -13,7 +13,8 @@ import yaml
 from numpy.typing import NDArray
 
 from pipeline.data import PictureSeries, PolarizerSequence
-from pipeline.devices.capture_yaml import CAPTURE_FILE, KIND, degrees_of
+from pipeline.devices.capture_yaml import CAPTURE_FILE, KIND
+from pipeline.devices.decimal_angles import degrees_of
 from pipeline.devices.point_light_folder import KIND as POINT_LIGHT
 from pipeline.errors import DeviceError, InputError
 

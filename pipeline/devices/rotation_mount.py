@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from contextlib import ExitStack
+from fractions import Fraction
 from math import degrees, isfinite, pi, radians, sin
 from types import TracebackType
 from typing import Self
@@ -12,6 +13,7 @@ from typing import Self
 import can
 
 from pipeline.devices.cia402 import Axis
+from pipeline.devices.decimal_angles import exact_radians
 from pipeline.devices.simulated_drive import Fault, SimulatedDrive
 from pipeline.errors import DeviceError, InputError, nearest
 from pipeline.limits import above_zero, above_zero_up_to, refuse, within, zero_or_more
@@ -87,8 +89,8 @@ class CanopenRotationMount:
             *within(1, 127, node_id=node_id),
         ]
         self._interface = interface
-        self._counts_per_rad = (-1 if clockwise else 1) * counts_per_turn / (2 * pi)
-        self._zero_rad = radians(zero_deg)
+        self._counts_per_turn = Fraction(-counts_per_turn if clockwise else counts_per_turn)
+        self._zero_deg = Fraction(repr(zero_deg))
         self._axis = Axis(
             name=f"rotation mount (node {node_id} on {channel})",
             interface=interface,
@@ -141,7 +143,8 @@ class CanopenRotationMount:
         """
         if not isfinite(angle_rad):
             raise DeviceError(f"{self._axis.name}: {angle_rad} is no angle to go to")
-        return self._angle_rad(self._axis.move_to(round((angle_rad - self._zero_rad) * self._counts_per_rad)))
+        turns = (degrees(angle_rad) - float(self._zero_deg)) / 360
+        return self._angle_rad(self._axis.move_to(round(turns * float(self._counts_per_turn))))
 
     def __enter__(self) -> Self:
         refuse(self._problems)
@@ -154,7 +157,8 @@ class CanopenRotationMount:
         self._axis.__exit__(kind, error, trace)
 
     def _angle_rad(self, counts: int) -> float:
-        return self._zero_rad + counts / self._counts_per_rad
+        """The angle nearest to what the counts mean, so that a stop at 15 degrees is written as 15 again."""
+        return exact_radians(self._zero_deg + 360 * counts / self._counts_per_turn)
 
 
 class SimulatedRotationMount:

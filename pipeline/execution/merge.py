@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from pipeline.execution.outcome import Outcome
+from pipeline.execution.outcome import Listener, Outcome
 from pipeline.graph.nodes import Graph, Node, plain
 from pipeline.storage.keys import digest
 
@@ -36,6 +37,52 @@ class Merged:
             )
             for name, merged in self.names[index].items()
         }
+
+    def labels(self, points: Sequence[Sequence[str]]) -> dict[str, str]:
+        """What to call each merged node, given what tells the points apart: what all points share goes by its own name.
+
+        ``fit~2``, which those points have whose estimator is jones, is called ``fit at estimator=jones``.
+        """
+        everywhere = set(points[0]).intersection(*points)
+        users: dict[str, list[Sequence[str]]] = {}
+        own: dict[str, str] = {}
+        for words, names in zip(points, self.names, strict=True):
+            for name, merged in names.items():
+                users.setdefault(merged, []).append(words)
+                own.setdefault(merged, name)
+        labels: dict[str, str] = {}
+        for merged, lists in users.items():
+            shared = set(lists[0]).intersection(*lists) - everywhere
+            words = " ".join(word.lstrip("+") for word in lists[0] if word in shared)
+            label = f"{own[merged]} at {words}" if words else own[merged]
+            ambiguous = label in labels.values() or (not words and len(lists) < len(points))
+            labels[merged] = f"{merged} of {len(lists)} points" if ambiguous else label
+        return labels
+
+
+class Labelled:
+    """A listener that hears of nodes by other names."""
+
+    def __init__(self, listener: Listener, labels: Mapping[str, str]) -> None:
+        self._listener = listener
+        self._labels = labels
+
+    def started(self, name: str) -> None:
+        """Note that a stage has begun."""
+        self._listener.started(self._named(name))
+
+    def advanced(self, name: str, done: int, total: int) -> None:
+        """Note that a stage has come further."""
+        self._listener.advanced(self._named(name), done, total)
+
+    def ended(self, outcome: Outcome) -> None:
+        """Note that a node is done with."""
+        reason = re.sub(r"\w+~\d+", lambda match: self._named(match[0]), outcome.reason)
+        blocked_by = tuple(map(self._named, outcome.blocked_by))
+        self._listener.ended(replace(outcome, name=self._named(outcome.name), reason=reason, blocked_by=blocked_by))
+
+    def _named(self, name: str) -> str:
+        return self._labels.get(name, name)
 
 
 def merge(graphs: Sequence[Graph]) -> Merged:

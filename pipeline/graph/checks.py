@@ -82,8 +82,11 @@ class _Builder:
         stage = written.get("stage")
         if "stage" not in written and self.configuration.written_by_override(path):
             others = [other for other in self.configuration.content["graph"] if other != name]
-            raise self._error(
-                f"there is no node '{name}'", path, expected="the name of a node", hint=nearest(name, others)
+            raise InputError(
+                f"there is no node '{name}'",
+                where=self.configuration.override_inside(path),
+                expected="the name of a node",
+                hint=nearest(name, others),
             )
         if not isinstance(stage, str) or stage == "???":
             raise self._error(
@@ -99,9 +102,21 @@ class _Builder:
         if not when:
             self.absent[name] = f"left out here ({path}.when is false)"
             return
-        self._fill(name, path, entry, self._kept(name, path, entry, written))
+        try:
+            self._fill(name, path, entry, self._kept(name, path, entry, written))
+        except InputErrors as several:
+            if all(self.configuration.written_by_override(f"{path}.{key}") for key in written):
+                raise self._new_node(name, path, several) from None
+            raise
         if name in self.nodes:
             self.nodes[name] = replace(self.nodes[name], needs=self._needs(f"{path}.resources", written))
+
+    def _new_node(self, name: str, path: str, several: InputErrors) -> InputErrors:
+        """What is wrong with a node that only overrides write: its name may be meant for another one's."""
+        others = [other for other in self.configuration.content["graph"] if other != name]
+        where = self.configuration.override_inside(path)
+        hint = f"'{name}' is a new node; {nearest(name, others)}"
+        return InputErrors(InputError(e.what, where=where, expected=e.expected, hint=hint) for e in several.errors)
 
     def _needs(self, path: str, written: Mapping[str, Any]) -> Needs:
         resources = written.get("resources") or {}
@@ -203,7 +218,13 @@ class _Builder:
     def _setting(self, value: Any, annotation: Annotation, path: str) -> Any:
         name = path.rpartition(".")[2]
         if isinstance(value, str) and value == "???":
-            raise self._error(f"'{name}' is not given", path, expected=str(annotation))
+            place = self.configuration.followed(path)
+            raise self._error(
+                f"'{name}' is not given",
+                path,
+                expected=f"{place}={str(annotation).upper()}",
+                hint=self.configuration.remark(place),
+            )
         if any(cls.startswith(PROTOCOLS) for cls in annotation.classes()):
             if value is None and annotation.optional:
                 return None

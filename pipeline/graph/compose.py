@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -153,6 +154,36 @@ def parsed(text: str) -> Override:
     return Override(bare, path, removes)
 
 
+def is_sweep(text: str) -> bool:
+    """Whether an override has several values, each for a run of its own."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+
+    try:
+        return bool(OverridesParser.create().parse_override(text).is_sweep_override())
+    except HydraException:
+        return False
+
+
+def refuse_sweeps(texts: Sequence[str], command: Sequence[str]) -> None:
+    """Refuse an override with several values, which takes a sweep: ``command`` with ``-m``.
+
+    Raises
+    ------
+    InputError
+        There is one.
+    """
+    for text in texts:
+        if is_sweep(text):
+            bare = text.lstrip("+")
+            raise InputError(
+                f"'{bare.partition('=')[0]}' has several values, and one run takes one",
+                where=f"override {bare}",
+                expected="one value, or -m for a sweep over all of them",
+                hint=shlex.join(["python", "-m", "pipeline", "-m", *command]),
+            )
+
+
 def chosen_experiment(texts: Sequence[str], folders: Sequence[Path] = ()) -> str:
     """Name of the experiment that the overrides choose.
 
@@ -184,7 +215,8 @@ def chosen_experiment(texts: Sequence[str], folders: Sequence[Path] = ()) -> str
 def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[Path]) -> dict[str, Any]:
     from omegaconf import OmegaConf
 
-    with readable_errors(" ".join(overrides)), _checked_paths(texts, folders):
+    command = [*(f"--config-dir={folder}" for folder in folders), *overrides]
+    with readable_errors(" ".join(overrides)), _checked_paths(texts, folders, command):
         composed, graph = _by_hydra(texts, folders)
         choices = dict(composed.hydra.runtime.choices)
         sweeps = str(composed.hydra.mode).endswith("MULTIRUN")
@@ -214,8 +246,8 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
 
 
 @contextmanager
-def _checked_paths(texts: Sequence[str], folders: Sequence[Path]) -> Iterator[None]:
-    """Where Hydra refuses the overrides, look first for one that names what the files do not have."""
+def _checked_paths(texts: Sequence[str], folders: Sequence[Path], command: Sequence[str]) -> Iterator[None]:
+    """Where Hydra refuses the overrides, look first for one that sweeps, or names what the files do not have."""
     from hydra import compose
     from hydra.errors import HydraException
     from omegaconf import OmegaConf
@@ -223,6 +255,7 @@ def _checked_paths(texts: Sequence[str], folders: Sequence[Path]) -> Iterator[No
     try:
         yield
     except HydraException:
+        refuse_sweeps(texts, command)
         chosen = [text for text in texts if text.startswith("+") or text.partition("=")[0] in groups(folders)]
         with suppress(HydraException), hydra_ready(folders) as search:
             files = OmegaConf.to_container(compose("config", overrides=[*search, *map(quoted, chosen)]), resolve=False)

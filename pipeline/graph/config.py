@@ -70,7 +70,7 @@ class Configuration:
 
     def where(self, path: str) -> str:
         """Where a value was written, for people: the override, or file, line and YAML path."""
-        path = self._followed(path)
+        path = self.followed(path)
         for override in reversed(self.overrides):
             if override.path and (path == override.path or path.startswith(override.path + ".")):
                 return f"override {override.text}"
@@ -83,7 +83,21 @@ class Configuration:
             return self.where(parent) + f" (for {path})"
         return f"{self.origin}: {path}" if self.origin else path
 
-    def _followed(self, path: str) -> str:
+    def remark(self, path: str) -> str:
+        """The comment behind a value in its YAML file, as a hint; empty where there is none."""
+        path = self.followed(path)
+        for file, section in reversed(self.files):
+            line = self._line(file, section, path)
+            if line is not None:
+                return file.read_text().splitlines()[line - 1].partition(" # ")[2].strip()
+        return ""
+
+    def override_inside(self, path: str) -> str:
+        """The override that wrote the value at a path, or something inside it."""
+        found = [o for o in self.overrides if f"{o.path}.".startswith(f"{path}.") and not o.removes]
+        return f"override {found[-1].text}" if found else self.where(path)
+
+    def followed(self, path: str) -> str:
         """The path that an interpolation such as ``${rig}`` on the way leads to."""
         node: Any = self.raw
         parts = path.split(".")
@@ -92,7 +106,7 @@ class Configuration:
                 break
             node = node[part]
             if isinstance(node, str) and (match := re.fullmatch(r"\$\{([\w.]+)\}", node)):
-                return self._followed(".".join([match[1], *parts[index + 1 :]]))
+                return self.followed(".".join([match[1], *parts[index + 1 :]]))
         return path
 
     def _line(self, file: Path, section: str, path: str) -> int | None:

@@ -52,19 +52,23 @@ class Maps:
         Settings along y and x.
     metrics : tuple of str
         Figures, each with maps of its own.
-    limit : float or None
-        Where to draw a contour.
+    limit : float, mapping of str to float, or None
+        Where to draw a line: on every map, or on those of the figures named.
     """
 
     rows: str
     columns: str
     metrics: tuple[str, ...]
-    limit: float | None = None
+    limit: float | Mapping[str, float] | None = None
+
+    def limit_of(self, metric: str) -> float | None:
+        """Where the map of a figure has its line."""
+        return self.limit.get(metric) if isinstance(self.limit, Mapping) else self.limit
 
 
 KEYS = {
     "tradeoff": {"error": "str", "node": "str", "repeats": "int", "panels": "str | list[str]"},
-    "maps": {"rows": "str", "columns": "str", "metrics": "str | list[str]", "limit": "float | None"},
+    "maps": {"rows": "str", "columns": "str", "metrics": "str | list[str]", "limit": "float | dict[str, float] | None"},
 }
 NEEDED = {"tradeoff": ("error", "node"), "maps": ("rows", "columns", "metrics")}
 
@@ -138,6 +142,7 @@ def unknown_figures(tradeoff: Tradeoff | None, maps: Maps | None, known: Collect
     """Figures that are asked for and that no point has; which there are is known only when points were computed."""
     asked = [("tradeoff.error", tradeoff.error)] if tradeoff else []
     asked += [("maps.metrics", name) for name in maps.metrics] if maps else []
+    asked += [("maps.limit", name) for name in maps.limit] if maps and isinstance(maps.limit, Mapping) else []
     return [
         InputError(f"no point has a figure '{name}'", where=place, hint=nearest(name, known))
         for place, name in asked

@@ -9,12 +9,14 @@ from typing import Any
 
 from markupsafe import Markup
 
-from pipeline.report.naming import labelled
+from pipeline.report.naming import labelled, plain, with_unit
 
 Row = Mapping[str, Any]
 
 MOST_COLUMNS = 3
 """Panels side by side, where their order means nothing."""
+NARROW, WIDE = 3.0, 100.0
+"""Ratios of an axis's ends below which it takes evenly spaced ticks, and above which powers of ten only."""
 CROWDED = 36
 """Characters of an axis's names beyond which they are turned."""
 
@@ -24,7 +26,9 @@ def chart_style() -> Iterator[None]:
     """The look of all charts, inside the block."""
     from matplotlib import rc_context
 
-    with rc_context({"font.size": 8, "svg.fonttype": "none", "axes.spines.top": False, "axes.spines.right": False}):
+    frame: Any = {"axes.spines.top": False, "axes.spines.right": False}
+    plain_ticks: Any = {"axes.formatter.useoffset": False, "axes.formatter.limits": (-4, 6)}
+    with rc_context({"font.size": 8, "svg.fonttype": "none", **frame, **plain_ticks}):
         yield
 
 
@@ -46,6 +50,16 @@ def short(setting: str) -> str:
     return setting.rpartition(".")[2]
 
 
+def round_ticks(axis: Any, ratio: float) -> None:
+    """Ticks of a logarithmic axis at round numbers, written as such; ``ratio`` is that of its ends."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+
+    subs = (1.0,) if ratio > WIDE else (1.0, 2.0, 5.0)
+    axis.set_major_locator(MaxNLocator(4) if ratio < NARROW else LogLocator(subs=subs))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: plain(value)))
+    axis.set_minor_locator(NullLocator())
+
+
 def combinations(rows: Sequence[Row], settings: Sequence[str]) -> list[tuple[str, ...]]:
     """The combinations of some settings that occur, in the order in which they do, numbers by size."""
     found = list(dict.fromkeys(tuple(row[name] for name in settings) for row in rows))
@@ -54,8 +68,9 @@ def combinations(rows: Sequence[Row], settings: Sequence[str]) -> list[tuple[str
 
 
 def named(settings: Sequence[str], values: Sequence[str]) -> str:
-    """Settings and their values in words."""
-    return ", ".join(f"{short(name)} {value}" for name, value in zip(settings, values, strict=True))
+    """Settings and their values in words: ``phase 160°, estimator jones``."""
+    heads = [labelled(short(name), 0.0) for name in settings]
+    return ", ".join(f"{h.label} {with_unit(value, h.unit)}" for h, value in zip(heads, values, strict=True))
 
 
 def places(values: Sequence[str]) -> dict[str, float]:

@@ -20,8 +20,11 @@ from pipeline.report.charts import (
     combinations,
     figure_label,
     named,
+    numbers,
     places,
+    round_ticks,
 )
+from pipeline.report.naming import plain, setting_label
 
 CELL_INCHES = 0.34
 LEAST_INCHES, MOST_INCHES = 2.0, 5.0
@@ -37,7 +40,8 @@ MOST_TICKS = 14
 def heat_maps(rows: Sequence[Row], swept: Sequence[str], maps: Maps, metric: str) -> Markup:
     """Draw a figure of merit over two settings, a map for each combination of the others, colours the same for all.
 
-    Cells without a value are grey; the line is where the figure crosses ``maps.limit``.
+    Cells without a value are grey; a line is where the figure crosses its limit, along settings that are numbers only:
+    words have nothing between them.
     """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm, Normalize
@@ -51,6 +55,7 @@ def heat_maps(rows: Sequence[Row], swept: Sequence[str], maps: Maps, metric: str
     down, across = _axis(rows, maps.rows), _axis(rows, maps.columns)
     grids = [_grid([r for r in known if _values(r, others) == p], maps, metric, down, across) for p in panels]
     low, high = min(row[metric] for row in known), max(row[metric] for row in known)
+    limit, numeric = maps.limit_of(metric), (numbers(down) is not None, numbers(across) is not None)
     log = low > 0 and high / low > LOG_FROM
     norm = LogNorm(low, high) if log else Normalize(low, high)
     columns = min(len(panels), MOST_COLUMNS)
@@ -66,14 +71,16 @@ def heat_maps(rows: Sequence[Row], swept: Sequence[str], maps: Maps, metric: str
             place.set_title(named(others, panel), fontsize=8)
             if values.size <= MOST_WRITTEN:
                 _write(place, values, norm)
-            if maps.limit is not None:
-                _contour(place, values, maps.limit, log=log)
+            if limit is not None:
+                _limit_line(place, values, limit, log=log, numeric=numeric)
         for place in axes.flat[len(panels) :]:
             place.set_axis_off()
         _ticks(axes, maps, down, across)
         bar = figure.colorbar(ScalarMappable(norm, "viridis"), ax=axes, label=figure_label(metric))
-        if maps.limit is not None and low <= maps.limit <= high:
-            bar.ax.axhline(maps.limit, color="red", linewidth=1.5)
+        if log:
+            round_ticks(bar.ax.yaxis, high / low)
+        if limit is not None and low <= limit <= high:
+            bar.ax.axhline(limit, color="red", linewidth=1.5)
         return as_svg(figure)
 
 
@@ -101,25 +108,40 @@ def _write(axes: Any, values: NDArray[np.float64], norm: Any) -> None:
     for (i, j), value in np.ndenumerate(values):
         if np.isfinite(value):
             colour = "black" if norm(value) > 0.6 else "white"
-            axes.text(j, i, f"{value:.2g}", ha="center", va="center", fontsize=6, color=colour)
+            axes.text(j, i, plain(value, 2), ha="center", va="center", fontsize=6, color=colour)
 
 
-def _contour(axes: Any, values: NDArray[np.float64], limit: float, *, log: bool) -> None:
-    """The line on which a figure has the limit's value, between the middles of the cells."""
-    if min(values.shape) < 2 or not np.nanmin(values) < limit < np.nanmax(values):
-        return
-    heights = np.log(values) if log else values
-    axes.contour(np.ma.masked_invalid(heights), levels=[np.log(limit) if log else limit], colors="red", linewidths=1.5)
+def _limit_line(axes: Any, values: NDArray[np.float64], limit: float, *, log: bool, numeric: tuple[bool, bool]) -> None:
+    """Where a figure has the limit's value, between the middles of the cells; ``numeric`` says it of rows and columns.
+
+    Over two numbers this is a contour; along one number and words, a bar in each line of cells.
+    """
+    heights, level = (np.log(values), np.log(limit)) if log else (values, limit)
+    if all(numeric):
+        if min(values.shape) > 1 and np.nanmin(values) < limit < np.nanmax(values):
+            axes.contour(np.ma.masked_invalid(heights), levels=[level], colors="red", linewidths=1.5)
+    elif any(numeric):
+        for i, cells in enumerate(heights if numeric[1] else heights.T):
+            for at in _crossings(cells, level):
+                ends = ([at, at], [i - 0.5, i + 0.5])
+                axes.plot(*(ends if numeric[1] else ends[::-1]), color="red", linewidth=1.5)
+
+
+def _crossings(heights: NDArray[np.float64], level: float) -> list[float]:
+    """Where straight lines through neighbouring heights have the level, in indices."""
+    before, after = heights[:-1] - level, heights[1:] - level
+    (crossed,) = np.nonzero(before * after < 0)
+    return [float(i + before[i] / (before[i] - after[i])) for i in crossed]
 
 
 def _ticks(axes: Any, maps: Maps, down: Sequence[str], across: Sequence[str]) -> None:
     for place in axes[-1]:
         step = ceil(len(across) / MOST_TICKS)
         place.set_xticks(range(0, len(across), step), across[::step])
-        place.set_xlabel(maps.columns)
+        place.set_xlabel(setting_label(maps.columns))
         if len("".join(across[::step])) > CROWDED:
             place.tick_params("x", labelrotation=90)
     for place in axes[:, 0]:
         step = ceil(len(down) / MOST_TICKS)
         place.set_yticks(range(0, len(down), step), down[::step])
-        place.set_ylabel(maps.rows)
+        place.set_ylabel(setting_label(maps.rows))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.optics.colour import encode_srgb
 from pipeline.report.encoded import png_uri
+from pipeline.report.naming import plain
 from pipeline.report.shades import (
     MOST_PIXELS,
     WHEEL_HOLE,
@@ -124,8 +125,11 @@ def size_of(shape: tuple[int, ...], *, most: int = MOST_PIXELS, axial: bool = Fa
         return f"{columns} × {rows} pixels."
     shrink = most / max(rows, columns)
     mean = "axial mean" if axial else "mean"
-    areas = f"{round(columns * shrink)} × {round(rows * shrink)} areas"
-    return f"{columns} × {rows} pixels, shown as the {mean} over {areas}."
+    side = plain(1 / shrink, 2)
+    return (
+        f"{columns} × {rows} pixels, shown as {round(columns * shrink)} × {round(rows * shrink)}, each the {mean} of "
+        f"about {side} × {side} pixels."
+    )
 
 
 def _framed(shape: tuple[int, ...], pitch: float | None, beside: float, unit: str = "mm") -> tuple[Svg, Axes]:

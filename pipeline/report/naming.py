@@ -59,6 +59,35 @@ def labelled(name: str, value: float) -> Labelled:
     return Labelled(name, f"{label} ({node})" if node else label, _number(value), unit)
 
 
+def setting_label(setting: str) -> str:
+    """A setting in words, with its unit: ``graph.misread.scatter_deg`` becomes "misread scatter (°)"."""
+    parts = setting.split(".")
+    bare = labelled(parts[-1], 0.0)
+    words = " ".join([*parts[1:-1], bare.label])
+    return f"{words} ({bare.unit})" if bare.unit else words
+
+
+def with_unit(words: str, unit: str) -> str:
+    """A number with its unit: 8°, 0.06 mm; words that are no number stay alone."""
+    try:
+        float(words)
+    except ValueError:
+        return words
+    return f"{words}{'' if unit in {'', '°'} else ' '}{unit}"
+
+
+def plain(value: float, digits: int = 4) -> str:
+    """A number rounded to so many digits, but never before its point; no exponent from 0.001 to a million."""
+    if not math.isfinite(value):
+        return "not known" if math.isnan(value) else str(value)
+    size = abs(value)
+    if size and not 0.001 <= size < 1e6:
+        return f"{value:.{digits}g}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(size))) if size else 0
+    text = f"{value:.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
 def duration(seconds: float) -> str:
     """Seconds as a person would say them: 4 ms, 1.23 s, 45.6 s, 3 min 05 s."""
     if seconds < 0.0995:
@@ -100,7 +129,7 @@ def flat(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]
 
 
 def _number(value: float) -> str:
-    return f"{value:.4g}".replace("-", "−") if not math.isnan(value) else "not known"
+    return plain(value).replace("-", "−")
 
 
 def _shown(value: Any) -> str:

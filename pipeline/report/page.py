@@ -19,7 +19,7 @@ from pipeline.report.naming import Labelled, duration, flat, labelled, moment, p
 from pipeline.report.pictures import Figure, beside
 from pipeline.report.view import NodeView, RunView
 
-MOST_TILES = 6
+FEW_TILES, MOST_TILES = 4, 6
 STATES = {"ran": "ran", "cached": "from cache", "failed": "failed", "blocked": "blocked", "absent": "absent"}
 
 
@@ -107,7 +107,7 @@ def page(run: RunView, drawing: Drawing | None = None) -> str:
         metrics=metrics,
         warnings=[(node.name, text) for node in nodes for text in node.warnings],
         troubled=[node for node in nodes if node.status in {"failed", "blocked"}],
-        graph=graph_svg(run.nodes),
+        graph=graph_svg({name: node for name, node in run.nodes.items() if node.status != "absent"}),
         sections=drawing.sections,
         compared=drawing.compared,
         measured=measured,
@@ -118,15 +118,29 @@ def page(run: RunView, drawing: Drawing | None = None) -> str:
 
 
 def _headlines(run: RunView, values: Mapping[str, Any]) -> list[Labelled]:
-    """The first figure of merit of each node that has some, under its name in the run's table."""
-    found: dict[str, float] = {}
-    for node, value in values.items():
-        name = next(iter(getattr(value, "metrics", {})), "")
+    """The first figure of merit of each node that has some and that no other such node judges; where few, the next."""
+    judging = [node for node, value in values.items() if getattr(value, "metrics", {})]
+    judged = {name for node in judging for name in _upstream(run, node)}
+    found: list[str] = []
+    for node in judging:
+        name = next(iter(values[node].metrics))
         own = f"{node}.{name}" if f"{node}.{name}" in run.metrics else name
-        if own in run.metrics:
-            found[own] = run.metrics[own]
-    first = sorted(found, key=list(run.metrics).index)
-    return [labelled(name, run.metrics[name]) for name in (first or list(run.metrics))[:MOST_TILES]]
+        if own in run.metrics and node not in judged:
+            found.append(own)
+    further = [name for name in run.metrics if name not in found][: max(0, FEW_TILES - len(found))]
+    chosen = sorted([*found, *further], key=list(run.metrics).index)
+    return [labelled(name, run.metrics[name]) for name in chosen[:MOST_TILES]]
+
+
+def _upstream(run: RunView, name: str) -> set[str]:
+    """All nodes that a node stands on."""
+    found: set[str] = set()
+    waiting = [name]
+    while waiting:
+        sources = {s for group in run.nodes[waiting.pop()].inputs.values() for s in group or () if s in run.nodes}
+        waiting += sources - found
+        found |= sources
+    return found
 
 
 def _values(run: RunView) -> tuple[dict[str, Any], dict[str, str]]:

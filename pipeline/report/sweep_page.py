@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from pathlib import Path
-from textwrap import wrap
 from typing import Any, Protocol
 
 from jinja2 import Environment, PackageLoader
@@ -14,19 +14,16 @@ from markupsafe import Markup
 
 from pipeline.graph.studies import Maps, Tradeoff
 from pipeline.parallel import cores
-from pipeline.report.charts import CROWDED, as_svg, chart_style, figure_label, numbers, places, short
+from pipeline.report.charts import figure_label, short
 from pipeline.report.heat_maps import heat_maps
-from pipeline.report.naming import duration, labelled
+from pipeline.report.line_charts import constants, line_charts
+from pipeline.report.naming import duration, labelled, plain, with_unit
 from pipeline.report.tradeoff_chart import front, on_the_chart, tradeoff_chart
 from pipeline.storage.files import write_text
 
-PANEL_INCHES = (3.0, 2.3)
 MOST_METRICS = 24
-FEW_LINES, MOST_LINES = 6, 16
-"""Lines whose names fit into a panel, and beside the first panel of a column."""
-LEGEND_INCHES = 1.3
 FIGURES_OF_TEXT = 6
-"""Figures of merit in the table for a terminal."""
+"""Figures of merit in the table for a terminal, unless the charts need more."""
 
 
 class SweepView(Protocol):
@@ -77,9 +74,11 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _text(rows: Sequence[Mapping[str, Any]], sweep: SweepView) -> str:
-    """The table for a terminal: settings, a few figures, place in the trade-off, seconds."""
+    """The table for a terminal: settings, what is charted and a few figures more, place in the trade-off, seconds."""
     wanted = sweep.tradeoff
-    figures = sorted(sweep.metrics, key=lambda name: wanted is None or name != wanted.error)[:FIGURES_OF_TEXT]
+    charted = [*([wanted.error] if wanted else []), *(sweep.maps.metrics if sweep.maps else ())]
+    known = [name for name in charted if name in sweep.metrics]
+    figures = list(dict.fromkeys([*known, *sweep.metrics]))[: max(FIGURES_OF_TEXT, len(known))]
     columns = [*sweep.columns, *figures, *([wanted.seconds, "pareto"] if wanted else []), "seconds", "state"]
     head = [short(name) if name in sweep.columns else name for name in columns]
     body = [[_cell(row[name]) for name in columns] for row in rows]
@@ -93,12 +92,15 @@ def _page(sweep: SweepView, rows: Sequence[Mapping[str, Any]]) -> str:
         loader=PackageLoader("pipeline.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     heads = [labelled(name, 0.0) for name in metrics]
+    same = constants(rows, metrics)
+    varying = [name for name in metrics if name not in same]
     return environment.get_template("sweep.html.j2").render(
         sweep=sweep,
         rows=rows,
         metrics=heads,
-        chart=_chart(rows, sweep.swept, metrics[:MOST_METRICS]) if sweep.swept and metrics else "",
-        left_out=metrics[MOST_METRICS:],
+        chart=line_charts(rows, sweep.swept, varying[:MOST_METRICS]) if sweep.swept and varying else "",
+        same=[_in_words(name, value) for name, value in same.items()],
+        left_out=varying[MOST_METRICS:],
         tradeoff=_tradeoff(sweep, rows),
         maps=_maps(sweep, rows, metrics),
         cell=_cell,
@@ -120,68 +122,37 @@ def _tradeoff(sweep: SweepView, rows: Sequence[Mapping[str, Any]]) -> dict[str, 
     }
 
 
-def _maps(sweep: SweepView, rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tuple[str, Markup]]:
-    """Each figure of merit that is mapped, in words, and its maps."""
+def _maps(sweep: SweepView, rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tuple[str, str, Markup]]:
+    """Each figure of merit that is mapped, in words, what to say of its limit, and its maps."""
     wanted = sweep.maps
     if wanted is None:
         return []
     return [
-        (figure_label(name), heat_maps(rows, sweep.swept, wanted, name)) for name in wanted.metrics if name in metrics
+        (figure_label(name), _limit_words(rows, wanted, name), heat_maps(rows, sweep.swept, wanted, name))
+        for name in wanted.metrics
+        if name in metrics
     ]
 
 
-def _chart(rows: Sequence[Mapping[str, Any]], swept: Sequence[str], metrics: Sequence[str]) -> Markup:
-    """Panels: a row for each figure of merit, a column for each setting; points joined where only that one varies."""
-    from matplotlib.figure import Figure
-
-    with chart_style():
-        beside = sum(FEW_LINES < _lines_over(rows, setting, swept) <= MOST_LINES for setting in swept)
-        size = (PANEL_INCHES[0] * len(swept) + 0.5 + LEGEND_INCHES * beside, PANEL_INCHES[1] * len(metrics))
-        figure = Figure(figsize=size, layout="constrained")
-        axes = figure.subplots(len(metrics), len(swept), squeeze=False, sharex="col", sharey="row")
-        for i, metric in enumerate(metrics):
-            for j, setting in enumerate(swept):
-                _panel(axes[i][j], rows, setting, metric, swept, first=i == 0)
-            axes[i][0].set_ylabel("\n".join(wrap(figure_label(metric), 26)))
-        for j, setting in enumerate(swept):
-            axes[-1][j].set_xlabel(setting)
-        return as_svg(figure)
+def _in_words(metric: str, value: float) -> str:
+    head = labelled(metric, value)
+    return f"{head.label} {with_unit(_cell(value), head.unit)}"
 
 
-def _lines_over(rows: Sequence[Mapping[str, Any]], setting: str, swept: Sequence[str]) -> int:
-    return len({tuple(row[name] for name in swept if name != setting) for row in rows})
-
-
-def _panel(
-    axes: Any, rows: Sequence[Mapping[str, Any]], setting: str, metric: str, swept: Sequence[str], *, first: bool
-) -> None:
-    from matplotlib import colormaps
-
-    known = [row for row in rows if row[metric] is not None]
-    place = places([row[setting] for row in rows])
-    lines: dict[tuple[Any, ...], list[tuple[float, float]]] = {}
-    for row in known:
-        others = tuple(row[name] for name in swept if name != setting)
-        lines.setdefault(others, []).append((place[row[setting]], row[metric]))
-    if len(lines) > 10:
-        axes.set_prop_cycle(color=colormaps["tab20"](range(20)))
-    for others, points in lines.items():
-        points.sort()
-        axes.plot(*zip(*points, strict=True), "o-", markersize=3.5, linewidth=0.9, label=", ".join(map(str, others)))
-    if numbers(list(place)) is None or len(place) <= 8:
-        axes.set_xticks(list(place.values()), [str(value) for value in place])
-        if len("".join(place)) > CROWDED:
-            axes.tick_params("x", labelrotation=90)
-    axes.margins(x=0.08)
-    axes.tick_params(labelbottom=True)
-    title = ", ".join(short(name) for name in swept if name != setting)
-    if 1 < len(lines) <= FEW_LINES and len(swept) > 1:
-        axes.legend(frameon=False, fontsize=6, title=title)
-    elif first and FEW_LINES < len(lines) <= MOST_LINES:
-        axes.legend(frameon=False, fontsize=6, title=title, loc="upper left", bbox_to_anchor=(1, 1))
+def _limit_words(rows: Sequence[Mapping[str, Any]], maps: Maps, metric: str) -> str:
+    limit, known = (
+        maps.limit_of(metric),
+        [row[metric] for row in rows if row[metric] is not None and isfinite(row[metric])],
+    )
+    if limit is None or not known:
+        return ""
+    words = with_unit(_cell(limit), labelled(metric, limit).unit)
+    if min(known) < limit < max(known):
+        return f"Red line: {words}."
+    return f"All are {'above' if min(known) >= limit else 'below'} {words}."
 
 
 def _cell(value: Any) -> str:
     if value is None:
         return "-"
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+    return plain(value, 5) if isinstance(value, float) else str(value)

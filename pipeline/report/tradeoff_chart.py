@@ -19,16 +19,15 @@ from pipeline.report.charts import (
     named,
     numbers,
     places,
-    short,
+    round_ticks,
 )
+from pipeline.report.naming import setting_label
 
 PANEL_INCHES = (4.2, 3.1)
 LEGEND_INCHES = 0.4
 MARKERS = "os^DvPX*<>"
 SMALLEST, LARGEST = 14.0, 70.0
 """Areas of markers, in square points."""
-NARROW, WIDE = 3.0, 100.0
-"""Ratios of an axis's ends below which it takes evenly spaced ticks, and above which powers of ten only."""
 
 
 def on_the_chart(rows: Sequence[Row]) -> list[Row]:
@@ -71,7 +70,7 @@ def tradeoff_chart(rows: Sequence[Row], swept: Sequence[str], tradeoff: Tradeoff
             axes.set_title(named(tradeoff.panels, panel), fontsize=8)
         _scale(grid, known, tradeoff)
         for axes in grid[-1]:
-            axes.set_xlabel(f"{tradeoff.node}, s")
+            axes.set_xlabel(f"{tradeoff.node} (s)")
         for axes in grid[:, 0]:
             axes.set_ylabel(figure_label(tradeoff.error))
         _legend(figure, words, methods, counts)
@@ -153,17 +152,7 @@ def _scale(grid: Any, rows: Sequence[Row], tradeoff: Tradeoff) -> None:
             continue
         for axes in grid.flat:
             getattr(axes, f"set_{axis}scale")("log")
-            _round_ticks(getattr(axes, f"{axis}axis"), max(values) / min(values))
-
-
-def _round_ticks(axis: Any, ratio: float) -> None:
-    """Ticks at round numbers, written as such."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
-
-    subs = (1.0,) if ratio > WIDE else (1.0, 2.0, 5.0)
-    axis.set_major_locator(MaxNLocator(4) if ratio < NARROW else LogLocator(subs=subs))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(NullLocator())
+            round_ticks(getattr(axes, f"{axis}axis"), max(values) / min(values))
 
 
 def _legend(figure: Any, words: Sequence[str], methods: Sequence[tuple[str, ...]], counts: Sequence[str]) -> None:
@@ -175,8 +164,8 @@ def _legend(figure: Any, words: Sequence[str], methods: Sequence[tuple[str, ...]
     ]
     labels = [", ".join(map(str, method)) for method in methods]
     handles.append(Line2D([], [], color="0.35", linewidth=1.0))
-    labels.append("Pareto front" + (f"; numbers: {' / '.join(map(short, counts))}" if counts else ""))
-    title = ", ".join(map(short, words))
+    labels.append("Pareto front" + (f"; numbers: {' / '.join(map(setting_label, counts))}" if counts else ""))
+    title = ", ".join(map(setting_label, words))
     figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 5), frameon=False, title=title)
 
 

@@ -28,7 +28,9 @@ class NodeDifference:
     settings : dict of str to (object, object)
         Stage, inputs and settings that differ, in the first run and in the second.
     code : tuple of str
-        Modules that its stage stands on and whose code differs.
+        Modules that its stage stands on in both and whose code differs.
+    code_first, code_second : tuple of str
+        Modules that it stands on in one only, as another stage does.
     value : tuple of str
         How its value differs, field by field; empty where it is identical.
     """
@@ -37,9 +39,11 @@ class NodeDifference:
     settings: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     code: tuple[str, ...] = ()
     value: tuple[str, ...] = ()
+    code_first: tuple[str, ...] = ()
+    code_second: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.settings or self.code or self.value)
+        return any((self.settings, self.code, self.value, self.code_first, self.code_second))
 
 
 @dataclass(frozen=True)
@@ -106,7 +110,8 @@ def _of_nodes(first: Run, second: Run, a: NodeRun, b: NodeRun) -> NodeDifference
     pairs = [("stage", a.stage, b.stage), ("inputs", dict(a.inputs), dict(b.inputs))]
     settings = {name: (before, after) for name, before, after in pairs if before != after}
     settings |= dict(_changed_settings(a.settings, b.settings))
-    return NodeDifference(a.name, settings, _changed_code(first, second, a, b), _changed_value(first, second, a, b))
+    changed, only_first, only_second = _changed_code(first, second, a, b)
+    return NodeDifference(a.name, settings, changed, _changed_value(first, second, a, b), only_first, only_second)
 
 
 def _changed_settings(a: Any, b: Any, path: str = "") -> Iterator[tuple[str, tuple[Any, Any]]]:
@@ -118,17 +123,20 @@ def _changed_settings(a: Any, b: Any, path: str = "") -> Iterator[tuple[str, tup
         yield path, (a, b)
 
 
-def _changed_code(first: Run, second: Run, a: NodeRun, b: NodeRun) -> tuple[str, ...]:
+def _changed_code(
+    first: Run, second: Run, a: NodeRun, b: NodeRun
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Modules of both that differ, and those of one only."""
     before, after = (
         run.store.provenance(code) if (code := record_of_node(run, node).code) else {}
         for run, node in ((first, a), (second, b))
     )
     if not before or not after:
-        return ()
-    return tuple(
-        name
-        for name in sorted({*before, *after})
-        if name not in before or name not in after or before[name][0] != after[name][0]
+        return (), (), ()
+    return (
+        tuple(name for name in sorted(before) if name in after and before[name][0] != after[name][0]),
+        tuple(name for name in sorted(before) if name not in after),
+        tuple(name for name in sorted(after) if name not in before),
     )
 
 
@@ -152,7 +160,10 @@ def _text(found: RunDifference) -> Iterator[str]:
         yield f"{node.name}:"
         for name, (a, b) in node.settings.items():
             yield f"  setting  {name}: {_short(a)} -> {_short(b)}"
-        yield from (f"  code     {name.replace('.', '/')}.py differs" for name in node.code)
+        yield from (f"  code     {_file(name)} differs" for name in node.code)
+        for title, names in (("first", node.code_first), ("second", node.code_second)):
+            if names:
+                yield f"  code     only the {title} stands on {', '.join(map(_file, names))}"
         yield from (f"  value    {difference}" for difference in node.value or ("identical",))
     if found.identical:
         yield f"identical: {', '.join(found.identical)}"
@@ -167,6 +178,10 @@ def _text(found: RunDifference) -> Iterator[str]:
         for name, (x, y) in found.metrics.items():
             change = "" if x is None or y is None else f"{y - x:>12.6g}" if x != y else f"{'0':>12}"
             yield f"{name:<{width}}  {_figure(x):>12}  {_figure(y):>12}  {change}".rstrip()
+
+
+def _file(module: str) -> str:
+    return f"{module.replace('.', '/')}.py"
 
 
 def _figure(number: float | None) -> str:

@@ -24,6 +24,7 @@ from pipeline.graph.compose import (
     opened,
     parsed,
     readable_errors,
+    refuse_sweeps,
 )
 from pipeline.graph.config import LOCAL_SECTIONS, Configuration, groups, option_file
 from pipeline.graph.nodes import DeviceRecipe, Node, plain
@@ -180,6 +181,7 @@ def changed_configuration(
         if text.lstrip("+").startswith("experiment="):
             raise InputError(f"{origin} is an experiment already", where=f"override {text.lstrip('+')}")
     check_groups(texts, folders)
+    refuse_sweeps(texts, ["run", origin, *overrides])
     pairs = [(text.lstrip("+").partition("=")[0], text) for text in texts]
     chosen = {name: text for name, text in pairs if name in groups(folders)}
     changes = [text for name, text in pairs if name not in chosen]

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.devices.angle_names import angles_from_names, capture_from_names
-from pipeline.devices.capture_yaml import degrees_of, radians_of, read_capture_yaml
+from pipeline.devices.capture_yaml import read_capture_yaml
+from pipeline.devices.decimal_angles import degrees_of, radians_of
 from pipeline.errors import InputErrors
 
 WHOLE = """\

@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 from pipeline import progress
 from pipeline.devices.canopen_drive import Drive, emergency_text
 from pipeline.devices.cia402 import state_of
+from pipeline.devices.decimal_angles import degrees_of
 from pipeline.devices.motion_profile import braking, trapezoid
 from pipeline.devices.protocols import RotationMount
 from pipeline.devices.rotation_mount import CanopenRotationMount, SimulatedRotationMount
@@ -76,6 +77,17 @@ def test_zero_and_sense_of_turning_are_the_mounts(drive: SimulatedDrive) -> None
     with CanopenRotationMount(interface="virtual", channel=drive.channel, zero_deg=10.0, clockwise=True) as mount:
         assert mount.move_to(np.deg2rad(30)) == pytest.approx(np.deg2rad(30))
     assert drive.shaft_counts == -20_000
+
+
+def test_an_encoder_at_whole_degrees_reads_the_nearest_doubles() -> None:
+    """Written out they are 15.0 and not 14.999999999999998."""
+    with SimulatedRotationMount() as mount:
+        assert [degrees_of(mount.move_to(np.deg2rad(angle))) for angle in (15, 30, 60, 120.5)] == [
+            "15.0",
+            "30.0",
+            "60.0",
+            "120.5",
+        ]
 
 
 def test_the_shaft_may_stand_elsewhere_than_the_encoder_reads() -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 
 import pytest
 from toys import Toys
 
+from pipeline.bench import Experiment
 from pipeline.errors import InputError, InputErrors
 from pipeline.graph.compose import compose
 
@@ -31,6 +33,32 @@ def test_an_unknown_setting_on_the_command_line(toys: Toys) -> None:
 def test_an_unknown_node(toys: Toys) -> None:
     with pytest.raises(InputErrors, match=r"no node 'rwa'[\s\S]*graph.big.maps[\s\S]*did you mean 'raw'\?"):
         toys.load("graph.big.maps=rwa")
+
+
+def test_a_mistyped_node_of_an_override_names_the_override(toys: Toys) -> None:
+    with pytest.raises(
+        InputErrors, match=r"no node 'bgi'[\s\S]*override graph.bgi.factor=2[\s\S]*did you mean 'big'\?"
+    ):
+        toys.load("graph.bgi.factor=2")
+    with pytest.raises(InputErrors, match=r"'maps' is not given[\s\S]*override graph.bgi.stage=toy.clip\s") as caught:
+        toys.load("graph.bgi.stage=toy.clip")
+    assert caught.value.errors[0].hint == "'bgi' is a new node; did you mean 'big'?"
+
+
+@pytest.mark.parametrize("values", ["1,2", "range(1,4)", "choice(1,2)"])
+def test_several_values_need_a_sweep_and_the_command_is_given(values: str) -> None:
+    words = ["+experiment=polarization_logo", f"graph.fit.threshold={values}"]
+    with pytest.raises(InputError, match=r"'graph.fit.threshold' has several values") as caught:
+        compose(words)
+    assert shlex.split(caught.value.hint) == ["python", "-m", "pipeline", "-m", *words]
+
+
+def test_a_setting_that_has_to_be_given_says_how_and_what_its_comment_says() -> None:
+    with pytest.raises(InputErrors, match=r"'folder' is not given") as caught:
+        Experiment.load(["+experiment=polarization_logo", "rig=replay"])
+    (error,) = caught.value.errors
+    assert error.expected == "rig.folder=PATH"
+    assert "docs/own-photos.md" in error.hint
 
 
 def test_a_cycle(toys: Toys) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 
 from made_up_run import FakeNode, FakeRun
 
@@ -27,6 +28,18 @@ def test_values_go_from_left_to_right_and_boxes_do_not_overlap(run: FakeRun) -> 
     spots = list(place.values())
     for i, (x, y) in enumerate(spots):
         assert all(abs(x - a) > BOX_WIDTH or abs(y - b) > BOX_HEIGHT for a, b in spots[i + 1 :])
+
+
+def test_many_layers_go_down_a_page_and_do_not_overlap() -> None:
+    names = [f"n{i}" for i in range(10)]
+    nodes = {"n0": FakeNode("n0")} | {b: FakeNode(b, inputs={"x": (a, "n0")}) for a, b in pairwise(names)}
+    text = graph_svg(nodes)
+    place = boxes(text)
+    for above, below in pairwise(names):
+        assert place[above][1] + BOX_HEIGHT < place[below][1]
+    width, height = map(int, re.findall(r'viewBox="0 0 (\d+) (\d+)"', text)[0])
+    assert width < 752  # of a window 800 wide
+    assert all(x + BOX_WIDTH < width and y + BOX_HEIGHT < height for x, y in place.values())
 
 
 def test_an_edge_that_passes_a_layer_is_led_around_its_boxes(run: FakeRun) -> None:

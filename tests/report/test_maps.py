@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.report.encoded import png
-from pipeline.report.maps import Scale, _framed, map_with_bar, orientation_map
+from pipeline.report.maps import Scale, _framed, map_with_bar, orientation_map, size_of
 from pipeline.report.shades import GROUND, colours, orientation_colours, reduced, wheel_colours
 from pipeline.report.svg import CHARACTER, ticks
 
@@ -140,3 +140,17 @@ def test_a_png_keeps_its_channels_in_order() -> None:
     levels = np.array([[[1.0, 0.5, 0.0], [0.0, 0.0, 1.0]]])
     read = cv2.imdecode(np.frombuffer(png(levels), np.uint8), cv2.IMREAD_COLOR_RGB)
     np.testing.assert_array_equal(read, [[[255, 128, 0], [0, 0, 255]]])
+
+
+@pytest.mark.parametrize(
+    ("shape", "axial", "words"),
+    [
+        ((2430, 2430), False, "2430 × 2430 pixels, shown as 700 × 700, each the mean of about 3.5 × 3.5 pixels."),
+        ((700, 1400), True, "1400 × 700 pixels, shown as 700 × 350, each the axial mean of about 2 × 2 pixels."),
+        ((700, 700), False, "700 × 700 pixels."),
+    ],
+)
+def test_a_map_that_was_made_smaller_says_of_how_many_pixels_a_mean_is(
+    shape: tuple[int, int], axial: bool, words: str
+) -> None:
+    assert size_of(shape, axial=axial) == words

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.report.naming import duration, flat, labelled, moment, prose
+from pipeline.report.naming import duration, flat, labelled, moment, plain, prose, setting_label, with_unit
 
 
 @pytest.mark.parametrize(
@@ -56,4 +56,48 @@ def test_settings_of_devices_are_unfolded_as_yaml_would_write_them() -> None:
         ("rig.x", "null"),
         ("rig.camera.mm", "0.1"),
         ("none", "{}"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (100.0, 2, "100"),
+        (99.96, 2, "100"),
+        (1234.5, 2, "1234"),
+        (0.0012345, 2, "0.0012"),
+        (0.5, 4, "0.5"),
+        (0.0, 2, "0"),
+        (-17.25, 3, "-17.2"),
+        (123456.7, 4, "123457"),
+        (1e-15, 2, "1e-15"),
+        (2.5e7, 2, "2.5e+07"),
+        (float("inf"), 2, "inf"),
+    ],
+)
+def test_numbers_are_written_plainly(value: float, digits: int, text: str) -> None:
+    assert plain(value, digits) == text
+
+
+@pytest.mark.parametrize(
+    ("setting", "label"),
+    [
+        ("graph.misread.scatter_deg", "misread scatter (°)"),
+        ("rig.camera.shift_px", "camera shift (px)"),
+        ("phase_deg", "phase (°)"),
+        ("graph.sample.period_um", "sample period (µm)"),
+        ("graph.dust.noise_percent", "dust noise (%)"),
+        ("scene", "scene"),
+    ],
+)
+def test_the_unit_comes_off_the_end_of_a_setting(setting: str, label: str) -> None:
+    assert setting_label(setting) == label
+
+
+def test_only_numbers_have_a_unit() -> None:
+    assert [with_unit(*pair) for pair in (("8", "°"), ("0.5", "mm"), ("null", "°"), ("3", ""))] == [
+        "8°",
+        "0.5 mm",
+        "null",
+        "3",
     ]

@@ -86,6 +86,24 @@ def test_the_tiles_show_the_first_figure_of_each_node_that_has_some(run: FakeRun
     ]
 
 
+def test_what_another_node_judges_has_no_tile_and_few_are_filled_up(run: FakeRun) -> None:
+    judged = replace(run.values["evaluate"], metrics={"defects": 10.0})
+    nodes = [FakeNode("list", artifact="d"), FakeNode("judge", artifact="e", inputs={"found": ("list",)})]
+    figures = {"missed": 2.0, "found_percent": 80.0, "defects": 10.0}
+    values = {"list": judged, "judge": replace(judged, metrics=figures)}
+    alone = replace(run, nodes={node.name: node for node in nodes}, values=values, metrics=figures | {"gap_um": 1.0})
+    tiles = re.findall(r'<div class="tile"><b>(.*?)</b><span>(.*?)</span>', page(alone))
+    assert [label for _, label in tiles] == ["missed", "found", "defects", "gap"]
+    more = replace(alone, metrics=figures | {"gap_um": 1.0, "least_um": 2.0})
+    assert len(re.findall('class="tile"', page(more))) == 4
+
+
+def test_the_graph_has_no_box_for_what_was_not_planned(failed: FakeRun) -> None:
+    picture = page(failed).split('<svg class="graph"')[1].split("</svg>")[0]
+    assert 'href="#node-broken"' in picture
+    assert 'href="#node-none"' not in picture
+
+
 def test_a_run_whose_values_are_gone_still_has_tiles(run: FakeRun) -> None:
     assert page(replace(run, values={})).count('<div class="tile">') == len(run.metrics)
 

@@ -27,7 +27,7 @@ ROWS = [
 
 def test_panels_methods_front_and_numbers_are_drawn() -> None:
     drawn = str(tradeoff_chart(ROWS, SWEPT, ASKED))
-    for text in ("scene stars", "scene logo", "fast", "exact", "error, mean (°)", "fit, s", "0.01", "10"):
+    for text in ("scene stars", "scene logo", "fast", "exact", "error, mean (°)", "fit (s)", "0.01", "10"):
         assert f">{text}</text>" in drawn
     assert drawn.count('id="front"') == 2
     assert drawn.count(">12</text>") == 2

@@ -87,6 +87,20 @@ def test_edited_code_is_named(toys: Toys) -> None:
     assert "code     toybench/arithmetic.py differs" in str(found)
 
 
+def test_code_that_one_of_two_only_stands_on_is_told_apart(toys: Toys) -> None:
+    first = toys.run()
+    toys.helper.with_name("more.py").write_text("def twice(array):\n    return 2 * array\n")
+    old = "from toybench.arithmetic import scaled\n"
+    toys.stages.write_text(toys.stages.read_text().replace(old, old + "from toybench.more import twice\n"))
+    second = toys.run(f"paths.runs={toys.folder / 'other'}")
+    for found, of_one in ((diff(first, second), "code_second"), (diff(second, first), "code_first")):
+        big = node(found, "big")
+        assert getattr(big, of_one) == ("toybench.more",)
+        assert "toybench.more" not in big.code
+        assert "toybench.arithmetic" not in (*big.code, *big.code_first, *big.code_second)
+    assert "  code     only the first stands on toybench/more.py" in str(found)
+
+
 def test_versions_that_differ_are_listed(toys: Toys) -> None:
     from dataclasses import replace
 

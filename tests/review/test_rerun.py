@@ -141,6 +141,7 @@ def test_a_run_whose_stage_was_swapped_can_be_run_again(toys: Toys, reviewer: Re
         ("shared.much=", "unresolved|mismatched|could not|Could not|no section|not in struct|Key"),
         ("graph.raw.size=[", "missing|mismatched|no viable|extraneous|token"),
         ("nothing=3", "not in struct|no section|Could not"),
+        ("graph.big.factor=2,3", r"has several values[\s\S]*python -m pipeline -m run \S*zip .*graph.big.factor=2,3"),
     ],
 )
 def test_wrong_overrides_are_answered(toys: Toys, reviewer: Reviewer, override: str, message: str) -> None:

@@ -8,8 +8,9 @@ import OpenImageIO as oiio
 import polanalyser
 import pytest
 
+import pipeline
 from pipeline.data import PolarizerSequence
-from pipeline.errors import InputError
+from pipeline.errors import InputError, InputErrors
 from pipeline.optics.angles import axial_difference, axial_mean, axial_median
 from pipeline.optics.jones import polarizer_response
 from pipeline.stages.fit.cosine import cosine
@@ -182,6 +183,19 @@ def test_two_distinct_angles_are_refused():
 def test_a_threshold_above_everything_is_refused():
     with pytest.raises(InputError, match="no pixel is valid, modulated and brighter than 2"):
         cosine(sequence(np.random.default_rng(0).random((4, 3, 3)), TWELVE[::3]), threshold=2.0)
+
+
+def test_a_threshold_below_nought_is_refused():
+    with pytest.raises(InputError, match="threshold is -1"):
+        cosine(sequence(np.random.default_rng(0).random((4, 3, 3)), TWELVE[::3]), threshold=-1.0)
+
+
+@pytest.mark.parametrize("stage", ["cosine", "jones", "auto"])
+def test_a_threshold_below_nought_is_refused_before_anything_runs(stage, tmp_path):
+    words = [f"graph.fit.stage=fit.{stage}", "graph.fit.threshold=-1", f"paths.runs={tmp_path}"]
+    with pytest.raises(InputErrors, match=r"threshold is -1\n  where: +graph.fit: threshold\n  expected: 0 or more"):
+        pipeline.run("polarization_logo", words)
+    assert not list(tmp_path.rglob("manifest.json"))
 
 
 @pytest.mark.parametrize("scene", ["glass", "fabrics"])

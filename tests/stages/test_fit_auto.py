@@ -108,6 +108,7 @@ def test_pixels_of_no_one_curve_are_told(caplog):
         ({"accuracy_deg": 0.0}, "accuracy_deg is 0"),
         ({"points": 3}, "points is 3"),
         ({"absolute_within_deg": 0.0}, "absolute_within_deg is 0"),
+        ({"threshold": -0.1}, "threshold is -0.1"),
     ],
 )
 def test_impossible_settings_are_refused(settings, message):

@@ -18,6 +18,7 @@ from pipeline.optics.response_curve import (
     relative_stokes,
     response_curve,
 )
+from pipeline.stages.fit._uncertainty import measured
 from pipeline.stages.fit.cosine import cosine
 from pipeline.stages.fit.jones import jones
 
@@ -132,11 +133,27 @@ def test_photographs_of_something_else_are_noticed(caplog):
         ({"retardation_deg": 120.0}, "retardation_deg is 120"),
         ({"points": 5}, "points is 5"),
         ({"absolute_within_deg": 0.0}, "absolute_within_deg is 0"),
+        ({"threshold": -0.1}, "threshold is -0.1"),
     ],
 )
 def test_impossible_settings_are_refused(settings, message):
     with pytest.raises((InputError, InputErrors), match=message):
         jones(photographed(facets(80), 1.1, 45, 3), **settings)
+
+
+@pytest.mark.parametrize(
+    ("value", "deviation", "text"),
+    [
+        (39.99987, 0.00123, "39.9999 +- 0.0012"),
+        (40.0, 0.0996, "40.00 +- 0.10"),
+        (1.1, 12.4, "1 +- 12"),
+        (164.2, 340.0, "164 +- 340"),
+        (8.0, 0.0, "8 (given)"),
+        (8.0, np.inf, "8 +- inf"),
+    ],
+)
+def test_a_figure_has_as_many_digits_as_two_of_its_deviation(value, deviation, text):
+    assert measured(value, deviation) == text
 
 
 def test_nothing_that_diffracts_is_refused():

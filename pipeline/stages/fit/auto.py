@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.data import OrientationMap, PolarizerSequence
-from pipeline.limits import above_zero, at_least, refuse
+from pipeline.limits import above_zero, at_least, refuse, zero_or_more
 from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.optics.curve_reading import orientation_gradient
 from pipeline.optics.curve_search import CurveFit
@@ -20,8 +20,8 @@ from pipeline.optics.harmonic import harmonic_fit
 from pipeline.optics.response_curve import StokesNoise, response_curve
 from pipeline.stages.fit._cloud import Cloud, curve_of
 from pipeline.stages.fit._photographs import checked_fit
-from pipeline.stages.fit.cosine import cosine
-from pipeline.stages.fit.jones import POOR_MISFIT, _tolerance_jones, read_off
+from pipeline.stages.fit.cosine import _fitted
+from pipeline.stages.fit.jones import POOR_MISFIT, _read_off, _tolerance_jones
 
 _log = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ def auto(
     InputError
         Fewer than three distinct polariser angles, no pixel left, or settings that cannot be.
     """
-    _check_auto(accuracy_deg=accuracy_deg, points=points, absolute_within_deg=absolute_within_deg)
+    _check_auto(accuracy_deg=accuracy_deg, points=points, absolute_within_deg=absolute_within_deg, threshold=threshold)
     checked_fit(photos)
     known = {} if film_axis_deg is None else {"film_axis_rad": float(np.deg2rad(film_axis_deg))}
     cloud, found = curve_of(photos, known, threshold, points)
@@ -92,18 +92,21 @@ def auto(
     else:
         _log.info("%d photographs of this exposure would do for %g deg.", enough, accuracy_deg)
     if choice.method == CURVE:
-        result = read_off(cloud, found, float(np.deg2rad(absolute_within_deg)))
+        result = _read_off(cloud, found, float(np.deg2rad(absolute_within_deg)))
     else:
-        result = cosine(cloud.photos, prenormalize=choice.method == NORMALIZED, threshold=cloud.least)
+        result = _fitted(cloud.photos, prenormalize=choice.method == NORMALIZED, cut=cloud.least)
     figures = {**result.parameters, **choice.figures, "photographs_enough": float(enough)}
     return dataclasses.replace(result, parameters=figures)
 
 
-def _check_auto(*, accuracy_deg: float, points: int, absolute_within_deg: float, **_: object) -> None:
+def _check_auto(
+    *, accuracy_deg: float, points: int, absolute_within_deg: float, threshold: float | None, **_: object
+) -> None:
     """Refuse what cannot be reached before anything runs."""
     refuse(
         above_zero(accuracy_deg=accuracy_deg, absolute_within_deg=absolute_within_deg),
         at_least(100, "fewer do not show a curve", points=points),
+        zero_or_more(threshold=threshold),
     )
 
 

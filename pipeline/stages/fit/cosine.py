@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import BoolArray, FloatArray, OrientationMap, PolarizerSequence
+from pipeline.limits import refuse, zero_or_more
 from pipeline.optics.harmonic import HarmonicFit, empty_maps, fit_rows, mask_rows, sum_rows
 from pipeline.parallel import over_rows
 from pipeline.stages.fit._photographs import checked_fit, ground_threshold, nothing_left, warn_of_noise
@@ -33,13 +34,16 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
     subtracts from each pixel's cosine the cosine of those means: a vector, the same for every pixel, moved away from
     each ``(c, s)`` before the angle is taken. It removes what the film adds to every pixel alike, and is exact where
     all orientations are equally common; where a few dominate, it takes part of their own signal away and bends the map.
+    It is on by default since it is part of the published method; turn it off for a print of few orientations, or where
+    gratings modulate strongly, as all experiments here do but that of the compact disc, or let ``fit.auto`` decide.
 
     Parameters
     ----------
     photos : PolarizerSequence
         K photographs, K >= 3, aligned; polariser angles distinct modulo 180 degrees.
     prenormalize : bool
-        Subtract each photograph's mean over the diffracting pixels.
+        Subtract each photograph's mean over the diffracting pixels; true assumes that all orientations are equally
+        common.
     threshold : float, optional
         Least mean intensity (full scale 1) of a pixel that diffracts. By default it is found from the histogram of the
         logarithm of the mean intensity: used where that has two distinct modes (Otsu's cut explains 85 percent of the
@@ -57,18 +61,29 @@ def cosine(photos: PolarizerSequence, *, prenormalize: bool = True, threshold: f
     Raises
     ------
     InputError
-        Fewer than three distinct polariser angles, or no pixel left.
+        Fewer than three distinct polariser angles, a threshold below 0, or no pixel left.
 
     References
     ----------
     Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
     sections 5.3 and 7.3; eq. 9.
     """
+    _check_cosine(threshold=threshold)
+    return _fitted(photos, prenormalize=prenormalize, cut=threshold)
+
+
+def _check_cosine(*, threshold: float | None, **_: object) -> None:
+    """Refuse what no brightness is, before anything runs."""
+    refuse(zero_or_more(threshold=threshold))
+
+
+def _fitted(photos: PolarizerSequence, *, prenormalize: bool, cut: float | None) -> OrientationMap:
+    """What :func:`cosine` gives, its threshold found where ``cut`` is None."""
     fit = checked_fit(photos)
     maps = empty_maps(*photos.valid.shape)
     orientation, correlation, intensity = maps
     over_rows(fit_rows(photos.images, fit, None, maps), len(intensity), tile=_TILE)
-    cut = ground_threshold(intensity, photos.valid) if threshold is None else threshold
+    cut = ground_threshold(intensity, photos.valid) if cut is None else cut
     mask = np.empty(photos.valid.shape, np.bool_)
     over_rows(mask_rows(maps, photos.valid, cut, mask), len(mask), tile=_TILE)
     if not mask.any():

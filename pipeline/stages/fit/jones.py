@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.data import OrientationMap, PolarizerSequence
 from pipeline.errors import InputError
-from pipeline.limits import above_zero, at_least, refuse, within
+from pipeline.limits import above_zero, at_least, refuse, within, zero_or_more
 from pipeline.optics.curve_reading import Reading, orientation_gradient, read_rows, reading
 from pipeline.optics.curve_search import CurveFit, Points, rival_turn, turn_by_unknowns
 from pipeline.optics.harmonic import HarmonicFit, harmonic_fit
@@ -18,6 +18,7 @@ from pipeline.optics.response_curve import StokesNoise, response_curve
 from pipeline.parallel import over_rows
 from pipeline.stages.fit._cloud import Cloud, curve_of
 from pipeline.stages.fit._photographs import checked_fit
+from pipeline.stages.fit._uncertainty import measured
 
 _log = logging.getLogger(__name__)
 
@@ -109,6 +110,7 @@ def jones(
         retardation_deg=retardation_deg,
         points=points,
         absolute_within_deg=absolute_within_deg,
+        threshold=threshold,
     )
     given = {"amplitude_ratio": amplitude_ratio} | {
         name.replace("_deg", "_rad"): None if value is None else float(np.deg2rad(value))
@@ -120,10 +122,10 @@ def jones(
     }
     checked_fit(photos)
     cloud, found = curve_of(photos, {n: v for n, v in given.items() if v is not None}, threshold, points)
-    return read_off(cloud, found, float(np.deg2rad(absolute_within_deg)))
+    return _read_off(cloud, found, float(np.deg2rad(absolute_within_deg)))
 
 
-def read_off(cloud: Cloud, found: CurveFit, limit_rad: float) -> OrientationMap:
+def _read_off(cloud: Cloud, found: CurveFit, limit_rad: float) -> OrientationMap:
     """Orientations of all pixels by the curve that was found, absolute where its offset is known to ``limit_rad``."""
     photos = cloud.photos
     fit = harmonic_fit(photos.polarizer_rad, cloud.points.photo_weights)
@@ -162,6 +164,7 @@ def _check_jones(
     retardation_deg: float | None,
     points: int,
     absolute_within_deg: float,
+    threshold: float | None,
     **_: object,
 ) -> None:
     """Refuse what no grating has, before anything runs."""
@@ -176,6 +179,7 @@ def _check_jones(
         problems,
         at_least(100, "fewer do not show a curve", points=points),
         above_zero(absolute_within_deg=absolute_within_deg),
+        zero_or_more(threshold=threshold),
     )
 
 
@@ -207,18 +211,17 @@ def _prepared(found: CurveFit, fit: HarmonicFit, cloud: Points, limit_rad: float
 def _report(found: CurveFit, offset_rad: float, absolute: bool) -> None:
     grating, deviation = found.grating, found.deviation
     degrees = [
-        f"{name} {np.rad2deg(getattr(grating, field)):.2f} +- {np.rad2deg(getattr(deviation, field)):.2f} deg"
+        f"{name} {measured(np.rad2deg(getattr(grating, field)), np.rad2deg(getattr(deviation, field)))} deg"
         for name, field in (("phase", "phase_rad"), ("retardation", "retardation_rad"), ("film axis", "film_axis_rad"))
     ]
     _log.info(
-        "Curve found: amplitude ratio %.4f +- %.4f, %s; the pixels lie %.2f times their noise from it.",
-        grating.amplitude_ratio,
-        deviation.amplitude_ratio,
+        "Curve found: amplitude ratio %s, %s; the pixels lie %.2f times their noise from it.",
+        measured(grating.amplitude_ratio, deviation.amplitude_ratio),
         ", ".join(degrees),
         found.misfit,
     )
     if absolute:
-        _log.info("The map is absolute: its offset has a standard deviation of %.2f deg.", np.rad2deg(offset_rad))
+        _log.info("The map is absolute: its offset has a standard deviation of %.2g deg.", np.rad2deg(offset_rad))
     elif np.isfinite(offset_rad):
         _log.warning(
             "The map stays relative: its offset has a standard deviation of %.1f deg; without birefringence nothing "
