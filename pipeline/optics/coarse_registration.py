@@ -27,6 +27,9 @@ _LEAST_SIDE = 130
 _TURN_STEP_PX = 1.5  # of the corners; as wide as an edge is
 _APART_PX = 5
 
+FARTHEST = 0.75
+"""Shifts are looked for up to this share of the picture's side."""
+
 AMBIGUOUS = 0.95
 """Of scenes with outlines, rivals reach 0.5 to 0.92; of fringes or stripes without an end, 0.98 and more."""
 
@@ -82,13 +85,15 @@ def coarse_turn(
         Shifts along an axis and turns beyond these are not looked for.
     """
     turn, reach = 0.0, largest_rad
+    if corner_px(reference[-1].shape) <= 1:
+        return 0.0
     for one, other in zip(reference[:-1], moved[:-1], strict=True):
         step = _TURN_STEP_PX / corner_px(one.shape)
         count = int(np.ceil(reach / step))
         # None is zero: a picture that is not interpolated is sharper and would win.
         turns = turn + step * (np.arange(-count, count) + 0.5)
         still = _Reference(one, largest_px * one.shape[0] / reference[-1].shape[0])
-        scores = [float(still.correlation(_turned_back(other, t)).max()) for t in turns]
+        scores = [float(still.correlation(turned_back(other, t)).max()) for t in turns]
         turn, reach = float(turns[0] + step * _highest(scores)), step
     return turn if abs(turn) * corner_px(reference[-1].shape) > 1 else 0.0
 
@@ -99,7 +104,7 @@ def coarse_motion(reference: Float32Array, moved: Float32Array, *, largest_px: f
     Shifts along an axis beyond ``largest_px`` are not looked for.
     """
     still = _Reference(reference, largest_px)
-    shift, rival = still.best(still.correlation(_turned_back(moved, turn_rad)))
+    shift, rival = still.best(still.correlation(turned_back(moved, turn_rad)))
     row, column = RigidMotion(turn_rad).matrix @ shift
     return Start(RigidMotion(turn_rad, (float(row), float(column))), rival)
 
@@ -108,7 +113,7 @@ class _Reference:
     """An edge image to correlate others with, at shifts of whole pixels along each axis."""
 
     def __init__(self, edges: Float32Array, largest_px: float) -> None:
-        self._reach = int(min(largest_px, *(0.4 * n for n in edges.shape)))
+        self._reach = int(min(largest_px, *(FARTHEST * n for n in edges.shape)))
         self._sizes = [fft.next_fast_len(n + self._reach, real=True) for n in edges.shape]
         self._spectrum = np.conj(self._transform(edges))
 
@@ -131,7 +136,8 @@ class _Reference:
         return np.asarray(fft.rfft2(edges - edges.mean(), s=self._sizes))
 
 
-def _turned_back(edges: Float32Array, turn_rad: float) -> Float32Array:
+def turned_back(edges: Float32Array, turn_rad: float) -> Float32Array:
+    """An edge image of a photograph that was turned anticlockwise by so much, as it would be without the turn."""
     if not turn_rad:
         return edges
     return resampled(edges, RigidMotion(turn_rad), edges.shape, order=1, outside=float(edges.mean()))

@@ -80,7 +80,7 @@ def chosen_motions(
     if fine.tells_turns:
         shifts = fine_motions(coefficients, fine, valid, rigid=False, margin=margin, steps=2)
         if fine.misfit < shifts.misfit:
-            return Choice(fine, f"Shifts are not enough: photo {largest} is turned by {found}.")
+            return Choice(fine, f"Shifts are not enough: the largest turn is {found}.")
     return Choice(
         fine_motions(coefficients, shifted, valid, rigid=False),
         "Turns of the photographs cannot be told from what the polariser changes in this scene; only shifts are "

@@ -10,12 +10,13 @@ fringes) betrays itself by its residual and loses weight.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.optics.edge_patches import PatchTerms, edge_patches, patch_terms
+from pipeline.optics.edge_patches import SIZE, PatchTerms, edge_patches, patch_terms
 from pipeline.optics.rigid import RigidMotion, corner_px
 
 Float32Array = NDArray[np.float32]
@@ -80,6 +81,13 @@ class Motions:
         down, right = self.shift_px[photo]
         return RigidMotion(float(self.turn_rad[photo]), (float(down), float(right)))
 
+    def among(self, photos: Sequence[int], count: int) -> Motions:
+        """Those of ``count`` photographs: these are of ``photos``, and of the others nothing is known."""
+        chosen, whole = list(photos), still(count)
+        for name in ("shift_px", "turn_rad", "covariance"):
+            getattr(whole, name)[chosen] = getattr(self, name)
+        return replace(self, shift_px=whole.shift_px, turn_rad=whole.turn_rad, covariance=whole.covariance)
+
     def reach_px(self, shape: tuple[int, ...]) -> float:
         """By how much the farthest moved photograph's corners may have moved."""
         return float(np.max(np.hypot(*self.shift_px.T) + np.abs(self.turn_rad) * corner_px(shape)))
@@ -96,6 +104,12 @@ class Motions:
     def deviation_rad(self) -> Float64Array:
         """Standard deviation of each turn, shape (K,)."""
         return np.sqrt(self.covariance[:, 2, 2])
+
+
+def too_small(shape: tuple[int, int]) -> bool:
+    """Whether pictures of this shape do not hold as many patches as motions are found from."""
+    down, across = (max(0, side - 2 * LEAST_MARGIN_PX) // SIZE for side in shape)
+    return down * across < _ENOUGH_PATCHES
 
 
 def still(count: int) -> Motions:

@@ -34,6 +34,11 @@ def cloud(
     seed: int = 0,
 ) -> Points:
     photos = photographs(grating, theta, polarizer_rad=polarizer_rad, electrons=electrons, seed=seed)
+    return points_of(photos, polarizer_rad)
+
+
+def points_of(photos: NDArray[np.float64], polarizer_rad: NDArray[np.float64]) -> Points:
+    """Points of pixels, shape (K, P), whose photographs are taken to be at these angles."""
     weights = 1 / photos.mean(axis=1)
     weights /= weights.mean()
     root = np.sqrt(weights)[:, None]

@@ -1,13 +1,18 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from clouds import cloud
+from clouds import EQUAL, cloud, photographs, points_of
 from scipy.spatial import cKDTree
+from scipy.stats import norm
 
+from pipeline.optics import curve_search
 from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.optics.curve_reading import orientation_gradient
 from pipeline.optics.curve_search import NAMES, _Problem, find_curve, rival_turn, turn_by_unknowns
+from pipeline.optics.photo_errors import photograph_errors
 from pipeline.optics.response_curve import FilmedGrating, StokesNoise, response_curve
 
 RNG = np.random.default_rng(3)
@@ -139,3 +144,44 @@ def test_noise_along_a_bend_does_not_widen_the_curve():
     true = grating(1.08, 170, 0)
     distances, _ = measured(true, cloud(true, np.random.default_rng(3).uniform(0, np.pi, 20_000), electrons=500))
     assert abs(distances.mean()) < 4 / np.sqrt(20_000)
+
+
+@pytest.mark.parametrize(("zeta_deg", "film_deg"), [(90, 15), (100, -15), (100, 22)])
+def test_a_start_without_a_film_finds_one_on_either_side(zeta_deg, film_deg, monkeypatch):
+    """From there the cost of a film of either sign may only rise at first."""
+    monkeypatch.setattr(curve_search, "starts", lambda *_: [np.array([np.log(1.1), np.pi / 2, 0.0, 0.0])])
+    found = find_curve(cloud(grating(1.1, zeta_deg, film_deg), ANY[:2000]), {"film_axis_rad": 0.0})
+    assert np.rad2deg(found.grating.retardation_rad) == pytest.approx(film_deg, abs=0.2)
+    assert np.rad2deg(found.grating.phase_rad) == pytest.approx(zeta_deg, abs=0.3)
+    assert found.misfit == pytest.approx(1, abs=0.08)
+
+
+@pytest.mark.parametrize(
+    ("true", "theta"),
+    [((1.08, 40, 8), ANY), ((1.08, 40, 8), FACETS), ((1.1, 90, 8), ANY)],
+    ids=["any", "facets", "small"],
+)
+def test_angles_that_are_misread_for_all_points_speak_for_no_other_axis(true, theta):
+    """A thousand points do not average out an error that they share; whoever says how large it is, is not misled."""
+    misread = np.deg2rad(np.random.default_rng(5).normal(0, 0.5, 12))
+    photos = photographs(grating(*true), theta, polarizer_rad=EQUAL + misread)
+    read_as = points_of(photos, EQUAL)
+    systematic = photograph_errors(photos, EQUAL, read_as.photo_weights, 1.0).systematic
+    assert find_curve(read_as, {"film_axis_rad": 0.0}).other_axis_rad is not None
+    assert find_curve(replace(read_as, systematic=systematic), {"film_axis_rad": 0.0}).other_axis_rad is None
+
+
+def test_an_error_that_all_points_share_leaves_more_curves_open():
+    misread = np.deg2rad(np.random.default_rng(5).normal(0, 0.5, 12))
+    true = grating(1.08, 176, 3)
+    points = points_of(photographs(true, ANY, polarizer_rad=EQUAL + misread), EQUAL)
+    assert not find_curve(points, {"film_axis_rad": 0.0}).rivals
+    assert find_curve(replace(points, systematic=0.3), {"film_axis_rad": 0.0}).rivals
+
+
+def test_points_decide_by_their_number_up_to_the_error_that_they_share():
+    points = cloud(grating(1.08, 40, 8), ANY)
+    assert replace(points, systematic=0.0).undecided == replace(points, systematic=0.0).take(100).undecided
+    # Two curves that lie a shared error apart differ by half its square in every point's log likelihood.
+    more = replace(points, systematic=0.3).undecided - replace(points, systematic=0.0).undecided
+    assert more == pytest.approx(len(ANY) * -norm.logpdf(0.3) + len(ANY) * norm.logpdf(0.0))

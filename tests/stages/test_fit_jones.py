@@ -11,6 +11,7 @@ from scipy import ndimage
 from pipeline.data import PolarizerSequence
 from pipeline.errors import InputError, InputErrors
 from pipeline.optics.angles import axial_difference, axial_median
+from pipeline.optics.curve_search import rival_turn
 from pipeline.optics.response_curve import (
     FilmedGrating,
     harmonic_design,
@@ -18,9 +19,10 @@ from pipeline.optics.response_curve import (
     relative_stokes,
     response_curve,
 )
+from pipeline.stages.fit._cloud import curve_of
 from pipeline.stages.fit._uncertainty import measured
 from pipeline.stages.fit.cosine import cosine
-from pipeline.stages.fit.jones import jones
+from pipeline.stages.fit.jones import _read_off, jones
 
 EQUAL = np.arange(12) * np.pi / 12
 BUNCHED_DEG = (10, 20, 30, 40, 55, 60, 90)
@@ -209,3 +211,28 @@ def test_misread_angles_are_told_with_the_photograph(caplog):
 def test_one_orientation_that_vanishes_between_crossed_polarisers_is_no_failed_photograph(caplog):
     jones(photographed(np.where(np.isnan(facets()), np.nan, 0.3), 1.08, 88, 3))
     assert "Photograph" not in caplog.text
+
+
+@pytest.mark.parametrize(("rival", "limit_deg", "absolute"), [((1.08, 44, 8), 5.0, True), ((1.08, 60, 4), 0.5, False)])
+def test_where_another_curve_fits_as_well_the_error_is_the_turn_to_it(rival, limit_deg, absolute):
+    """A map that stays relative does not mind by how much all orientations turn."""
+    theta = np.broadcast_to(np.linspace(0, np.pi, 300, endpoint=False), (60, 300)).copy()
+    photos = photographed(theta, 1.08, 40, 8, electrons=1e6)
+    known = {"amplitude_ratio": 1.08, "phase_rad": np.deg2rad(40), "retardation_rad": np.deg2rad(8), "film_axis_rad": 0}
+    points, found = curve_of(photos, known, 0.0, 4000)
+    other = FilmedGrating(rival[0], *np.deg2rad(rival[1:]))
+    limit_rad = float(np.deg2rad(limit_deg))
+    alone, doubted = (
+        _read_off(points, curve, limit_rad) for curve in (found, dataclasses.replace(found, rivals=(other,)))
+    )
+    assert doubted.absolute is absolute
+    true = np.stack(relative_stokes(theta[0], found.grating)[1:], axis=1)
+    turn = rival_turn(found, other, true)
+    if not absolute:
+        turn = turn - np.median(turn)
+    expected = np.hypot(np.abs(turn), alone.standard_error_rad[30])
+    assert np.rad2deg(np.abs(turn)).max() > 1
+    # Both turns are read off curves of a sample every quarter of a degree.
+    np.testing.assert_allclose(doubted.standard_error_rad[30], expected, atol=np.deg2rad(0.55))
+    assert np.median(doubted.standard_error_rad[30]) == pytest.approx(np.median(expected), abs=np.deg2rad(0.3))
+    assert np.median(doubted.standard_error_rad) > 2 * np.median(alone.standard_error_rad)

@@ -13,16 +13,16 @@ from scipy import ndimage
 
 from pipeline.data import SIMULTANEOUS, BoolArray, PolarizerSequence
 from pipeline.limits import above_zero, refuse, zero_or_more
-from pipeline.optics.coarse_registration import Start, coarse_motion, coarse_turn, edge_image, edge_images
-from pipeline.optics.edge_patches import edge_coefficients
+from pipeline.optics.coarse_registration import coarse_motion
 from pipeline.optics.intensity_registration import ecc_motion, gradient_image, phase_correlation_motion
-from pipeline.optics.motion_choice import chosen_motions
-from pipeline.optics.registration import DRIFTING_PX, Motions, unknown
+from pipeline.optics.registration import DRIFTING_PX, Motions
+from pipeline.optics.registration_evidence import Agreement, judged
 from pipeline.optics.rigid import RigidMotion, corner_px
 from pipeline.optics.rigid_sampling import resampled, sample_rigid
 from pipeline.optics.spline import quintic_coefficients
 from pipeline.parallel import over_rows
 from pipeline.progress import advance
+from pipeline.stages.align._edge_motions import edge_motions, edges_of, strangers
 
 _log = logging.getLogger(__name__)
 
@@ -30,14 +30,8 @@ Float32Array = NDArray[np.float32]
 _UNSETTLED_PX = 0.02
 """Motions that still change by so much are not worth a resampling."""
 
-_AMBIGUOUS_SHARE = 0.25
-"""One photograph may be too dark to tell; where many cannot, edges change with the polariser."""
-
 _SEARCHED = 1.5
 """Turns are looked for up to so many times the largest one, so that those beyond it are seen to be."""
-
-_NEAR_START_PX = 3.0
-"""Starts are right to a pixel or two."""
 
 Method = Literal["edges", "ecc", "ecc_edges", "phase_correlation", "none"]
 
@@ -68,8 +62,9 @@ def register(
     fit better than with shifts alone; a scene that does not tell turns (a spiral in a round outline) gets shifts.
     OpenCV's methods state no standard deviation, so with them ``auto`` is ``shift``. Which it was, and why, is said.
 
-    Photographs stay where they are, with a warning, where there are too few edges, where these agree as well many
-    pixels away (fringes or stripes without an end), or where the two ways of finding a motion differ by three pixels.
+    Photographs stay where they are, with a warning, where there are too few edges, where these agree with the first
+    one's no better than those of unrelated photographs would, or as well many pixels away (fringes or stripes without
+    an end), or where two ways of finding a motion differ by three pixels. The others are registered without them.
 
     A shift or a turn counts where it exceeds ``least_shift_px`` (a turn at the corners) and three times its own
     standard deviation; a photograph without either is left exactly as it was: resampling costs sharpness and would gain
@@ -107,13 +102,20 @@ def register(
         _log.info("All photographs come from one exposure: none can have moved.")
         return photos
     images = np.stack([_finite(image) for image in photos.images])
-    doubts: dict[int, str] = {}
+    searched_rad = _SEARCHED * np.deg2rad(largest_turn_deg)
     if method == "edges":
-        motions, doubts = _by_edges(
-            images, photos.valid, motion, largest_shift_px, _SEARCHED * np.deg2rad(largest_turn_deg), least_shift_px
+        motions, doubts = edge_motions(
+            images,
+            photos.valid,
+            motion,
+            largest_px=largest_shift_px,
+            largest_rad=searched_rad,
+            least_px=least_shift_px,
         )
     else:
-        motions = _by_opencv(method, images, photos.valid, motion == "rigid", largest_shift_px)
+        motions, doubts = _by_opencv(
+            method, images, photos.valid, motion == "rigid", largest_px=largest_shift_px, largest_rad=searched_rad
+        )
     moved = _believed(motions, doubts, photos, largest_shift_px, largest_turn_deg, least_shift_px)
     return _resampled(photos, images, motions, moved)
 
@@ -135,72 +137,16 @@ def _finite(image: Float32Array) -> Float32Array:
     return np.asarray(image[tuple(nearest)], np.float32)
 
 
-def _by_edges(
-    images: Float32Array,
-    valid: BoolArray,
-    motion: Literal["auto", "shift", "rigid"],
-    largest_px: float,
-    largest_rad: float,
-    least_px: float,
+def _by_opencv(
+    method: Method, images: Float32Array, valid: BoolArray, rigid: bool, *, largest_px: float, largest_rad: float
 ) -> tuple[Motions, dict[int, str]]:
-    """Motions by the edges, and why some of them cannot be right."""
+    """Each photograph against the first, and which show something else.
+
+    OpenCV states no standard deviation, so it is given as 0.
+    """
     count = len(images)
-    edges: list[list[Float32Array]] = [[]] * count
-    coefficients = np.empty(images.shape, np.float32)
-    shifted, turned = [Start()] * count, [Start()] * count
-
-    def find_edges(start: int, stop: int) -> None:
-        for k in range(start, stop):
-            edges[k] = edge_images(images[k])
-            coefficients[k] = edge_coefficients(images[k])
-
-    def find_start(start: int, stop: int) -> None:
-        for k in range(max(start, 1), stop):
-            shifted[k] = turned[k] = coarse_motion(edges[0][-1], edges[k][-1], largest_px=largest_px)
-            if motion != "shift":
-                turn = coarse_turn(edges[0], edges[k], largest_px=largest_px, largest_rad=largest_rad)
-                if turn:
-                    turned[k] = coarse_motion(edges[0][-1], edges[k][-1], largest_px=largest_px, turn_rad=turn)
-
-    over_rows(find_edges, count, tile=1)
-    over_rows(find_start, count, tile=1)
-    choice = chosen_motions(coefficients, _begun(shifted), _begun(turned), valid, motion=motion, least_px=least_px)
-    _log.log(logging.WARNING if choice.doubtful else logging.INFO, "%s", choice.reason)
-    if not choice.motions.settled:
-        _log.warning(
-            "The photographs did not settle (the last step was %.3f px): they may have moved in another way, or their "
-            "edges change with the polariser.",
-            choice.motions.last_step_px,
-        )
-    return choice.motions, _doubts(choice.motions, turned if choice.motions.turn_rad.any() else shifted)
-
-
-def _begun(starts: list[Start]) -> Motions:
-    """Motions to start from; none where they are ambiguous."""
-    return unknown([RigidMotion() if start.ambiguous else start.motion for start in starts])
-
-
-def _doubts(motions: Motions, starts: list[Start]) -> dict[int, str]:
-    """Photographs on whose motion two ways of finding it do not agree, and why."""
-    doubts: dict[int, str] = {}
-    ambiguous = sum(start.ambiguous for start in starts)
-    for k, start in enumerate(starts):
-        away = float(np.hypot(*(motions.shift_px[k] - start.motion.shift_px)))
-        if start.ambiguous:
-            doubts[k] = "its edges agree as well with the first photo's many pixels away"
-        elif ambiguous > _AMBIGUOUS_SHARE * len(starts):
-            doubts[k] = f"in {ambiguous} of the photos the edges agree as well many pixels away"
-        elif away > _NEAR_START_PX:
-            doubts[k] = f"patches around its edges lead {away:.1f} px away from where all edges agree best"
-    return doubts
-
-
-def _by_opencv(method: Method, images: Float32Array, valid: BoolArray, rigid: bool, largest_px: float) -> Motions:
-    """Each photograph against the first; OpenCV states no standard deviation, so it is given as 0."""
-    count = len(images)
-    edges: list[Float32Array] = []
+    edges, agreed = edges_of(images), [Agreement()] * count
     if method == "ecc_edges":
-        edges = [edge_image(image) for image in images]
         images = np.stack([gradient_image(image) for image in images])
     shift, turn = np.zeros((count, 2)), np.zeros(count)
     for k in range(1, count):
@@ -209,13 +155,19 @@ def _by_opencv(method: Method, images: Float32Array, valid: BoolArray, rigid: bo
                 shift[k], turn[k] = phase_correlation_motion(images[0], images[k], rigid=rigid)
             else:
                 start = RigidMotion()
-                if edges:
-                    start = coarse_motion(edges[0], edges[k], largest_px=largest_px).motion
+                if method == "ecc_edges":
+                    start = coarse_motion(edges[0][-1], edges[k][-1], largest_px=largest_px).motion
                 shift[k], turn[k] = ecc_motion(images[0], images[k], valid, start.shift_px, rigid=rigid)
         except cv2.error as error:
             _log.warning("Photo %d was left where it was: OpenCV found no motion (%s).", k, error.err)
         advance(k, count - 1)
-    return Motions(shift, turn, np.zeros((count, 3, 3)))
+
+    def judge(start: int, stop: int) -> None:
+        for k in range(max(start, 1), stop):
+            agreed[k] = judged(edges[0], edges[k], largest_px=largest_px, largest_rad=largest_rad, turn_rad=turn[k])
+
+    over_rows(judge, count, tile=1)
+    return Motions(shift, turn, np.zeros((count, 3, 3))), strangers(agreed, largest_px)
 
 
 def _believed(
@@ -228,14 +180,14 @@ def _believed(
 ) -> BoolArray:
     """Which photographs are moved; says what was found and why the others stay."""
     length, deviation = np.hypot(*motions.shift_px.T), motions.deviation_px
-    lever = corner_px(photos.valid.shape)
+    lever = max(corner_px(photos.valid.shape), 1.0)
     turn_px, turn_deviation_px = np.abs(motions.turn_rad) * lever, motions.deviation_rad * lever
     reasons: dict[int, str] = {}
     for k in range(1, len(length)):
-        if not np.isfinite([deviation[k], turn_deviation_px[k], length[k], turn_px[k]]).all():
-            reasons[k] = "too few edges to tell its motion"
-        elif k in doubts:
+        if k in doubts:
             reasons[k] = doubts[k]
+        elif not np.isfinite([deviation[k], turn_deviation_px[k], length[k], turn_px[k]]).all():
+            reasons[k] = "too few edges to tell its motion"
         elif motions.drift_px > DRIFTING_PX:
             reasons[k] = f"the edges drift by {motions.drift_px:.2f} px, as no motion of photographs makes them"
         elif motions.last_step_px > _UNSETTLED_PX:
@@ -259,13 +211,18 @@ def _believed(
 
 
 def _turns_in_words(motions: Motions) -> str:
-    shifts = f"; standard deviations up to {np.max(motions.deviation_px):.4f}"
+    shifts = f"; standard deviations up to {_largest(motions.deviation_px):.4f}"
     if not motions.turn_rad.any():
         return shifts
     degrees = ", ".join(f"{turn:+.4f}" for turn in np.rad2deg(motions.turn_rad))
     return (
-        f"{shifts}. Turns, anticlockwise in degrees: {degrees}; up to {np.rad2deg(np.max(motions.deviation_rad)):.4f}"
+        f"{shifts}. Turns, anticlockwise in degrees: {degrees}; up to {np.rad2deg(_largest(motions.deviation_rad)):.4f}"
     )
+
+
+def _largest(deviation: NDArray[np.float64]) -> float:
+    """Of the photographs whose motion can be told."""
+    return float(np.max(deviation, where=np.isfinite(deviation), initial=0.0))
 
 
 def _resampled(
