@@ -158,6 +158,8 @@ class OrientationMap:
         Standard error of the orientation as the fit states it; NaN outside ``mask``.
     parameters : dict of str to float
         What the fit found that the whole sample has in common: each name ends in its unit.
+    stokes : ndarray of shape (P, 2), float32, or None
+        Relative Stokes parameters ``(s1, s2)`` of some of the pixels, where the fit found their curve.
     """
 
     orientation_rad: FloatArray
@@ -168,6 +170,7 @@ class OrientationMap:
     absolute: bool = False
     standard_error_rad: FloatArray | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
+    stokes: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,6 +47,7 @@ def source(*, size: int = 4, value: float = 1.0, seed: int = 0, folder: Path | N
     Second paragraph.
     """
     logging.getLogger("pipeline.toy").warning("made of nothing")
+    logging.getLogger("pipeline.toy").info("of %d rows", size)
     return PeriodMap(np.full((size, size), value, np.float32), np.ones((size, size), bool))
 
 

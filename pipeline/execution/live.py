@@ -55,7 +55,7 @@ class PlainLog:
             return
         if outcome.status != "cached":
             print(line_of(outcome), file=sys.stderr, flush=True)
-        for line in warning_lines(outcome):
+        for line in said_lines(outcome):
             print(line, file=sys.stderr, flush=True)
 
 
@@ -105,7 +105,7 @@ class LiveBars:
         if outcome.status != "cached":
             colour = {"ran": "green", "failed": "red", "blocked": "yellow"}[outcome.status]
             self._progress.console.print(Text(line_of(outcome), style=colour))
-        for line in warning_lines(outcome):
+        for line in said_lines(outcome):
             self._progress.console.print(Text(line, style="yellow"))
 
 
@@ -136,7 +136,11 @@ def line_of(outcome: Outcome) -> str:
     return f"{outcome.status:>8}  {seconds}  {outcome.name}" + (f"  ({tail})" if tail else "")
 
 
-def warning_lines(outcome: Outcome) -> list[str]:
-    """What the stage warned of, now or when it was computed."""
-    place = f" ({outcome.name}, from the store)" if outcome.status == "cached" else ""
-    return [f"          warning{place}: {text}" for text in (outcome.record.warnings if outcome.record else ())]
+def said_lines(outcome: Outcome) -> list[str]:
+    """What the stage said while it ran; of a cached one what it warned of when it was computed."""
+    if outcome.record is None:
+        return []
+    cached = outcome.status == "cached"
+    place = f" ({outcome.name}, from the store)" if cached else ""
+    notes = [] if cached else [f"          {text}" for text in outcome.record.notes]
+    return [*notes, *(f"          warning{place}: {text}" for text in outcome.record.warnings)]

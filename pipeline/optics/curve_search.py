@@ -34,6 +34,8 @@ _ASIDE = np.deg2rad(4.0)
 _STEPS = 720
 _FURTHEST = 20
 _ROBUST = 2.0
+_UNDECIDED = 12.0
+"""Difference of two log likelihoods below which points do not decide between two curves, whatever their number."""
 _APART = np.array([0.03, 0.03, 0.02, 0.05])
 """Minima nearer to each other than this, in all unknowns, are one."""
 
@@ -81,17 +83,26 @@ class Points:
         Root of noise over brightness: the noise of a point is this times that of a pixel of one electron.
     polarizer_rad, photo_weights : ndarray of shape (K,)
         How they were found.
+    systematic : float
+        Error that all of them may share, in units of their noise, as from misread angles: numbers do not average it
+        out.
     """
 
     stokes: Float64Array
     scale: Float64Array
     polarizer_rad: Float64Array
     photo_weights: Float64Array
+    systematic: float
+
+    @property
+    def undecided(self) -> float:
+        """Difference of two log likelihoods below which they do not decide between two curves."""
+        return _UNDECIDED + len(self.stokes) * self.systematic**2 / 2
 
     def take(self, count: int) -> Points:
         """About ``count`` of them, evenly spread."""
         step = max(1, len(self.stokes) // count)
-        return Points(self.stokes[::step], self.scale[::step], self.polarizer_rad, self.photo_weights)
+        return replace(self, stokes=self.stokes[::step], scale=self.scale[::step])
 
 
 def find_curve(points: Points, known: dict[str, float]) -> CurveFit:
@@ -132,14 +143,7 @@ def _other_axis(problem: _Problem, x: Float64Array) -> float | None:
         return None
     scale = max(1.0, _robust_rms(freed.distances(best)[0]))
     better = problem.unlikelihood(x, scale) - freed.unlikelihood(best, scale)
-    enough = _UNDECIDED + len(problem.points.stokes) * _SYSTEMATIC**2 / 2
-    return float(whole.film_axis_rad) if better > enough else None
-
-
-_UNDECIDED = 12.0
-"""Difference of two log likelihoods below which the points do not decide between two curves."""
-_SYSTEMATIC = 0.3
-"""Error that all points may share, in units of their noise, as from misread angles: numbers do not average it out."""
+    return float(whole.film_axis_rad) if better > problem.points.undecided else None
 
 
 class _Problem:
@@ -262,8 +266,7 @@ class _Problem:
 
     def undecided(self, ranked: list[tuple[float, Float64Array]]) -> list[Float64Array]:
         """The best place, and those that the points do not tell from it."""
-        enough = _UNDECIDED + len(self.points.stokes) * _SYSTEMATIC**2 / 2
-        return [x for cost, x in ranked if cost - ranked[0][0] < enough]
+        return [x for cost, x in ranked if cost - ranked[0][0] < self.points.undecided]
 
     def surprise(self, x: Float64Array) -> float:
         """Negative logarithm of the share of what is usual that lies around a minimum."""

@@ -29,6 +29,7 @@ from pipeline.report.inspections import drawn, inspection
 from pipeline.report.maps import Scale, map_with_bar, marked, orientation_map, size_of, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import PICTURE_PIXELS, Figure, photos, pictures
+from pipeline.report.response_curves import response_curves
 from pipeline.report.responses import deviations, responses
 from pipeline.report.shades import reduced
 
@@ -58,6 +59,8 @@ def _orientation(value: OrientationMap, pixel_mm: float | None) -> list[Figure]:
             f"Orientation of the grating's tangent, the direction in which it diffracts; {known}. {HUES} "
             f"{size_of(shape, axial=True)}",
         ),
+        *_standard_error(value, pixel_mm),
+        *response_curves(value),
         *([_correlation(value, correlation, pixel_mm)] if correlation.size else []),
         Figure(
             "mask",
@@ -65,6 +68,21 @@ def _orientation(value: OrientationMap, pixel_mm: float | None) -> list[Figure]:
             f"Mean over the photographs, encoded for a display; black is 0, white {white:.3g} of full scale. Tinted: "
             f"the {masked:.1f} percent of the pixels that the mask leaves out. {size_of(shape)}",
         ),
+    ]
+
+
+def _standard_error(value: OrientationMap, pixel_mm: float | None) -> list[Figure]:
+    if value.standard_error_rad is None or not np.isfinite(value.standard_error_rad).any():
+        return []
+    degrees = np.rad2deg(value.standard_error_rad)
+    scale = spread(degrees, "standard error (°)", 1)
+    return [
+        Figure(
+            "standard error",
+            map_with_bar(degrees, pixel_mm, scale),
+            f"What the fit states for the orientation of each pixel, median {float(np.nanmedian(degrees)):.3g}°; grey: "
+            f"masked. {_ends(degrees, scale)}{size_of(value.mask.shape)}",
+        )
     ]
 
 

@@ -165,6 +165,8 @@ def _orientation(stem: Path, value: OrientationMap) -> Written:
         "intensity": value.intensity,
         "mask": value.mask,
     }
+    if value.standard_error_rad is not None:
+        channels["standard_error_rad"] = value.standard_error_rad
     yield _exr(stem, channels, pixel_mm=value.pixel_mm)
     yield _png(stem, orientation_colours(value.orientation_rad))
 

@@ -38,4 +38,4 @@ def cloud(
     weights /= weights.mean()
     root = np.sqrt(weights)[:, None]
     mean, c, s = (np.linalg.pinv(harmonic_design(polarizer_rad) * root) * root.T) @ photos
-    return Points(np.stack([c, s], axis=1) / mean[:, None], 1 / np.sqrt(mean), polarizer_rad, weights)
+    return Points(np.stack([c, s], axis=1) / mean[:, None], 1 / np.sqrt(mean), polarizer_rad, weights, systematic=0.05)

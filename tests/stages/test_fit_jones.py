@@ -183,12 +183,27 @@ def test_light_of_the_other_handedness_shows_a_grating_turned_by_a_right_angle()
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.5, 2.0])
-def test_a_photograph_that_failed_is_told(factor, caplog):
-    photos = photographed(facets(), 1.08, 40, 8)
+def test_a_photograph_that_failed_is_told_and_left_out(factor, caplog):
+    theta = facets()
+    photos = photographed(theta, 1.08, 40, 8)
     images = photos.images.copy()
     images[4] *= factor
-    jones(dataclasses.replace(photos, images=images))
+    found = jones(dataclasses.replace(photos, images=images))
+    assert found.absolute
+    assert mean_error_deg(found, theta, remove_offset=False) < 0.6
     assert re.findall(r"Photograph (\d+), at ([\d.]+) deg, is \d+ % as bright", caplog.text) == [("4", "60.0")]
+
+
+def test_misread_angles_are_told_with_the_photograph(caplog):
+    misread = EQUAL.copy()
+    misread[7] += np.deg2rad(4)
+    photos = photographed(facets(), 1.08, 40, 8)
+    jones(photos)
+    assert "look wrong" not in caplog.text
+    jones(dataclasses.replace(photos, polarizer_rad=misread))
+    assert re.findall(r"look wrong, by up to [\d.]+ deg at photograph (\d+) \(([\d.]+) deg\)", caplog.text) == [
+        ("7", "109.0")
+    ]
 
 
 def test_one_orientation_that_vanishes_between_crossed_polarisers_is_no_failed_photograph(caplog):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from scipy.stats import chi2
 from pipeline.data import PolarizerSequence
 from pipeline.optics.curve_search import NAMES, CurveFit, Points, find_curve
 from pipeline.optics.harmonic import HarmonicFit, harmonic_fit
+from pipeline.optics.photo_errors import PhotographErrors, odd_photographs, photograph_errors
 from pipeline.optics.response_curve import DARK, StokesNoise, harmonic_design
 from pipeline.stages.fit._photographs import ground_threshold, nothing_left
 
@@ -22,9 +24,6 @@ Float64Array = NDArray[np.float64]
 
 _SAMPLES = 40_000
 _LEAST_PIXELS = 10
-_ENOUGH_TO_JUDGE = 5
-_ODD, _ODD_BESIDE = 0.2, 5.0
-"""Odd is a photograph whose brightness is off by this share of the mean, and by so many times what others are."""
 _ENOUGH_KNOWN = 2_000
 _SPARE = 3
 """Times as many pixels are looked at as are wanted, since some lie at edges."""
@@ -33,6 +32,9 @@ _REACH = 2
 _ENOUGH_UNIFORM = 0.1
 _UNUSUAL_CHANGE = 4.0
 """Times the median; noise alone, of four numbers, exceeds it once in a hundred times."""
+_UNSEEN, _LEAST_SYSTEMATIC, _MISREAD = 0.3, 0.05, 0.1
+"""Error that all pixels share, in units of their noise: where the photographs cannot show it, where they show none, and
+where a warning is due."""
 _LEAST_GAIN = 1e-9
 _FIRST_GAIN = 1e-4
 
@@ -43,8 +45,10 @@ class Cloud:
 
     Attributes
     ----------
+    photos : PolarizerSequence
+        The photographs that they were taken from: all but those whose exposure failed.
     values : ndarray of shape (K, P)
-        Their photographs.
+        Their brightness in each.
     points : Points
         Their Stokes parameters.
     gain : float
@@ -53,6 +57,7 @@ class Cloud:
         Least brightness of a pixel that diffracts.
     """
 
+    photos: PolarizerSequence
     values: Float64Array
     points: Points
     gain: float
@@ -70,12 +75,12 @@ def curve_of(
         Hardly any pixel diffracts.
     """
     values, least = _some_pixels(photos, threshold, min(count, _ENOUGH_KNOWN) if set(known) == set(NAMES) else count)
-    _warn_of_odd_photographs(values, photos.polarizer_rad)
-    cloud = _cloud(values, least, photos.polarizer_rad, None)
+    photos, values = _without_odd(photos, values)
+    cloud = _cloud(photos, values, least, None)
     found = find_curve(cloud.points, dict(known))
     if len(values) == 3:  # the three numbers leave nothing over: the distances from the curve tell the noise
         gain = max(cloud.gain * found.misfit**2, _LEAST_GAIN)
-        cloud = _cloud(values, least, photos.polarizer_rad, gain)
+        cloud = _cloud(photos, values, least, gain)
         found = find_curve(cloud.points, dict(known))
     return cloud, found
 
@@ -129,28 +134,43 @@ def _uniform(
     return inside & (change <= _UNUSUAL_CHANGE * np.median(change[inside] if inside.any() else change))
 
 
-def _warn_of_odd_photographs(values: Float64Array, polarizer_rad: NDArray[np.floating]) -> None:
-    """Tell of photographs whose mean brightness the others make unlikely: it too follows a cosine over the angles."""
+def _without_odd(photos: PolarizerSequence, values: Float64Array) -> tuple[PolarizerSequence, Float64Array]:
+    """The photographs, and the pixels taken from them, but those whose exposure must have failed."""
     level = values.mean(axis=1)
-    if len(level) < _ENOUGH_TO_JUDGE:
-        return
-    design = harmonic_design(polarizer_rad)
-    for k in range(len(level)):
-        others = np.arange(len(level)) != k
-        found, _, rank, _ = np.linalg.lstsq(design[others], level[others], rcond=None)
-        left = np.abs(design[others] @ found - level[others]).max()
-        away = abs(design[k] @ found - level[k])
-        if rank == 3 and away > _ODD * level.mean() and away > _ODD_BESIDE * left:
-            _log.warning(
-                "Photograph %d, at %.1f deg, is %.0f %% as bright as the others lead to expect: a failed exposure, or "
-                "a misread angle.",
-                k,
-                np.rad2deg(polarizer_rad[k]),
-                100 * level[k] / (design[k] @ found),
-            )
+    odd = odd_photographs(level, np.asarray(photos.polarizer_rad, np.float64))
+    if not odd:
+        return photos, values
+    kept = np.setdiff1d(np.arange(len(level)), odd)
+    design = harmonic_design(photos.polarizer_rad)
+    expected = design @ np.linalg.lstsq(design[kept], level[kept], rcond=None)[0]
+    for k in odd:
+        _log.warning(
+            "Photograph %d, at %.1f deg, is %.0f %% as bright as the others lead to expect and is left out: a failed "
+            "exposure, or a misread angle.",
+            k,
+            np.rad2deg(photos.polarizer_rad[k]),
+            100 * level[k] / expected[k],
+        )
+    fewer = dataclasses.replace(photos, images=photos.images[kept], polarizer_rad=photos.polarizer_rad[kept])
+    return fewer, values[kept]
 
 
-def _cloud(values: Float64Array, least: float, polarizer_rad: NDArray[np.floating], gain: float | None) -> Cloud:
+def _warn_of_misread_angles(polarizer_rad: NDArray[np.floating], errors: PhotographErrors) -> None:
+    worst = int(np.argmax(np.abs(errors.turn_rad)))
+    if errors.systematic is not None and errors.systematic > _MISREAD:
+        _log.warning(
+            "Polariser angles or exposures look wrong, by up to %.1f deg at photograph %d (%.1f deg) and %.1f %% of "
+            "the brightness: that turns orientations by %.1f times their noise, and the same way for all pixels.",
+            np.rad2deg(abs(errors.turn_rad[worst])),
+            worst,
+            np.rad2deg(polarizer_rad[worst]),
+            100 * np.abs(errors.exposure).max(),
+            errors.systematic,
+        )
+
+
+def _cloud(photos: PolarizerSequence, values: Float64Array, least: float, gain: float | None) -> Cloud:
+    polarizer_rad = np.asarray(photos.polarizer_rad, np.float64)
     level = values.mean(axis=1)
     weights = 1 / (np.maximum(level, 0) + DARK * level.mean())
     weights /= weights.mean()
@@ -165,5 +185,8 @@ def _cloud(values: Float64Array, least: float, polarizer_rad: NDArray[np.floatin
             square = (weights[:, None] * left**2).sum(axis=0)
             relative = square / (mean * StokesNoise(polarizer_rad, weights).residual(stokes))
             gain = max(float(np.median(relative)) * freedom / float(chi2.median(freedom)), _LEAST_GAIN)
-    points = Points(stokes, np.sqrt(gain / mean), np.asarray(polarizer_rad, np.float64), weights)
-    return Cloud(values, points, gain, least)
+    errors = photograph_errors(values, polarizer_rad, weights, gain)
+    _warn_of_misread_angles(polarizer_rad, errors)
+    systematic = _UNSEEN if errors.systematic is None else max(errors.systematic, _LEAST_SYSTEMATIC)
+    points = Points(stokes, np.sqrt(gain / mean), polarizer_rad, weights, systematic)
+    return Cloud(photos, values, points, gain, least)

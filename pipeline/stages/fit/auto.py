@@ -86,15 +86,15 @@ def auto(
     cloud, found = curve_of(photos, known, threshold, points)
     choice = _on_a_curve(cloud, found, accuracy_deg) if found.misfit <= POOR_MISFIT else _on_none(cloud, found)
     _log.info("Taken: %s. %s", choice.method, choice.reason)
-    enough = _enough(choice, len(photos.images), accuracy_deg)
-    if enough > len(photos.images):
+    enough = _enough(choice, len(cloud.values), accuracy_deg)
+    if enough > len(cloud.values):
         _log.warning("%d photographs of this exposure would reach %g deg.", enough, accuracy_deg)
     else:
         _log.info("%d photographs of this exposure would do for %g deg.", enough, accuracy_deg)
     if choice.method == CURVE:
-        result = _read_off(photos, cloud, found, float(np.deg2rad(absolute_within_deg)))
+        result = _read_off(cloud, found, float(np.deg2rad(absolute_within_deg)))
     else:
-        result = _fitted(photos, prenormalize=choice.method == NORMALIZED, cut=cloud.least)
+        result = _fitted(cloud.photos, prenormalize=choice.method == NORMALIZED, cut=cloud.least)
     figures = {**result.parameters, **choice.figures, "photographs_enough": float(enough)}
     return dataclasses.replace(result, parameters=figures)
 

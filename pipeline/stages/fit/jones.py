@@ -25,6 +25,7 @@ _log = logging.getLogger(__name__)
 Float64Array = NDArray[np.float64]
 
 _TILE = 128
+_SHOWN = 4000
 _SURE = 2.0
 POOR_MISFIT = 3.0
 """Distance from the curve, in units of their noise, beyond which the pixels are not its."""
@@ -36,6 +37,7 @@ _tolerance_jones = {
     "intensity": 1e-4,
     "standard_error_rad": 1e-3,
     "parameters": 0.1,
+    "stokes": 1e-4,
 }
 
 
@@ -89,7 +91,8 @@ def jones(
         ``standard_error_rad`` comes from the photon noise that the photographs show, from the uncertainty of the curve
         (its offset left out where the map is relative), from another branch of the curve nearby, and from how much
         worse than its noise a pixel fits, as one does that mixes two facets. ``intensity`` is the brightness over a
-        turn of the polariser, its dependence on the orientation removed. ``parameters`` are those of the curve.
+        turn of the polariser, its dependence on the orientation removed. ``parameters`` are those of the curve,
+        ``stokes`` some of the points on it.
 
     Raises
     ------
@@ -119,11 +122,12 @@ def jones(
     }
     checked_fit(photos)
     cloud, found = curve_of(photos, {n: v for n, v in given.items() if v is not None}, threshold, points)
-    return _read_off(photos, cloud, found, float(np.deg2rad(absolute_within_deg)))
+    return _read_off(cloud, found, float(np.deg2rad(absolute_within_deg)))
 
 
-def _read_off(photos: PolarizerSequence, cloud: Cloud, found: CurveFit, limit_rad: float) -> OrientationMap:
+def _read_off(cloud: Cloud, found: CurveFit, limit_rad: float) -> OrientationMap:
     """Orientations of all pixels by the curve that was found, absolute where its offset is known to ``limit_rad``."""
+    photos = cloud.photos
     fit = harmonic_fit(photos.polarizer_rad, cloud.points.photo_weights)
     lookup, offset_rad, absolute = _prepared(found, fit, cloud.points, limit_rad)
     _report(found, offset_rad, absolute)
@@ -149,6 +153,7 @@ def _read_off(photos: PolarizerSequence, cloud: Cloud, found: CurveFit, limit_ra
         absolute,
         standard_error_rad=error,
         parameters=_parameters(found, offset_rad, cloud.gain),
+        stokes=cloud.points.take(_SHOWN).stokes.astype(np.float32),
     )
 
 

@@ -1,0 +1,1 @@
+"""Diffraction of light at height fields: geometry, evaluators of the spectral response, colours."""

@@ -1,0 +1,160 @@
+"""Spectral response by Taylor terms, looked up with a Gaussian window: full lambda sampling (FLSS).
+
+Algorithm 2.3 of the source, as a plain loop over pixels, wavelengths, terms and neighbouring spectral lines. Its
+variant that knows the surface's dominant periods (NMM) leaves out the wavelengths that no order sends to the viewer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.special import gammaln
+
+from pipeline.optics.diffraction.patch import (
+    Float32Array,
+    Float64Array,
+    Lines,
+    Patch,
+    RowKernel,
+    lines_of,
+    quotient_range,
+    reached,
+    spectral_lines,
+)
+
+Complex128Array = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class TaylorResponse:
+    """Transforms of ``(i h)^n``, as many as there are terms.
+
+    Attributes
+    ----------
+    table : ndarray of shape (N, Y, X), complex128
+        Spectral lines of ``(2 pi i h)^n / n!``.
+    origin : tuple of int
+        Lines along x and y of the table's first entry.
+    x, y : Lines
+        The window along either axis.
+    orders_per_um : ndarray of shape (O, 2)
+        Frequencies of the orders that light is looked for at, and nowhere else; none if all wavelengths are sampled.
+    """
+
+    table: Complex128Array
+    origin: tuple[int, int]
+    x: Lines
+    y: Lines
+    orders_per_um: Float64Array
+
+    def rows(
+        self,
+        uvw: tuple[Float64Array, Float64Array, Float64Array],
+        wavelength_um: Float64Array,
+        weights: Float64Array,
+        out: Float32Array,
+    ) -> RowKernel:
+        """As :class:`SpectralResponse` says."""
+        axes = np.array([[lines.spacing, lines.sigma, lines.radius, lines.count] for lines in (self.x, self.y)])
+        parts = [np.ascontiguousarray(np.broadcast_to(part, out.shape[1:])) for part in uvw]
+        share, table, orders, origin = weights.T.astype(np.float32), self.table, self.orders_per_um, np.array(self.origin)
+        return lambda start, stop: _taylor_rows(
+            table, origin, axes, orders, *parts, wavelength_um, share, start, stop, out
+        )
+
+
+def taylor_response(
+    patch: Patch,
+    uvw: tuple[Float64Array, Float64Array, Float64Array],
+    wavelength_um: Float64Array,
+    *,
+    coherence_um: float,
+    tolerance: float = 1e-4,
+    terms: int | None = None,
+    orders_per_um: Float64Array | None = None,
+    workers: int = 1,
+) -> TaylorResponse:
+    """Transform the powers of the heights, from the lowest on, as the source does.
+
+    Parameters
+    ----------
+    patch : Patch
+        One period of the surface.
+    uvw, wavelength_um, coherence_um, tolerance, workers
+        As of :func:`chebyshev_response`.
+    terms : int, optional
+        Number of Taylor terms; the least whose bound holds the tolerance by default.
+    orders_per_um : ndarray of shape (O, 2), optional
+        Frequencies along x and y where the surface sends light; what lies out of the window's reach of all of them is
+        taken to be dark (NMM).
+    """
+    height = patch.height_um - patch.height_um.min()
+    low, high = quotient_range(uvw[2], wavelength_um)
+    phase = 2 * np.pi * max(abs(low), abs(high)) * float(height.max())
+    count = taylor_terms(phase, tolerance) if terms is None else terms
+    x, y = lines_of(patch, coherence_um, tolerance)
+    spans = [reached(lines, part, wavelength_um) for lines, part in zip((x, y), uvw, strict=False)]
+    table = np.empty((count, spans[1][1] - spans[1][0], spans[0][1] - spans[0][0]), np.complex128)
+    power = np.ones(height.shape, np.complex128)
+    for n in range(count):
+        table[n] = spectral_lines(power, *spans, workers)
+        power *= 2j * np.pi * height / (n + 1)
+    orders = np.empty((0, 2)) if orders_per_um is None else np.asarray(orders_per_um, np.float64)
+    return TaylorResponse(table, (spans[0][0], spans[1][0]), x, y, orders)
+
+
+def taylor_terms(phase_rad: float, tolerance: float) -> int:
+    """Least number of terms of ``exp(i phase)`` whose remainder ``phase^n / n!`` is within the tolerance.
+
+    The source's bound has a factor ``exp(phase)`` more, which holds for real exponents and is not needed for
+    imaginary ones.
+    """
+    n = np.arange(1, int(4 * phase_rad) + 80)
+    left = n * np.log(max(phase_rad, 1e-12)) - gammaln(n + 1)
+    return int(n[np.flatnonzero(left > np.log(tolerance))[-1] + 1]) if (left > np.log(tolerance)).any() else 1
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc", "arcp"})
+def _taylor_rows(  # type: ignore[no-untyped-def]
+    table, origin, axes, orders, u, v, w, wavelength, share, start, stop, out
+):
+    channels, _, columns = out.shape
+    terms = len(table)
+    x_spacing, sigma, radius, x_count = axes[0, 0], axes[0, 1], axes[0, 2], int(axes[0, 3])
+    y_spacing, y_count = axes[1, 0], int(axes[1, 3])
+    window = np.empty((y_count, x_count))
+    for row in range(start, stop):
+        for j in range(columns):
+            for channel in range(channels):
+                out[channel, row, j] = 0
+            if not np.isfinite(w[row, j]):
+                continue
+            for l in range(len(wavelength)):
+                fx, fy = u[row, j] / wavelength[l], v[row, j] / wavelength[l]
+                near = len(orders) == 0
+                for o in range(len(orders)):
+                    near = near or (abs(fx - orders[o, 0]) <= radius and abs(fy - orders[o, 1]) <= radius)
+                if not near:
+                    continue
+                x0, y0 = int(np.ceil((fx - radius) / x_spacing)), int(np.ceil((fy - radius) / y_spacing))
+                for s in range(y_count):
+                    for t in range(x_count):
+                        across, along = (x0 + t) * x_spacing - fx, (y0 + s) * y_spacing - fy
+                        window[s, t] = np.exp(-0.5 * (across * across + along * along) / (sigma * sigma))
+                x0 -= origin[0]
+                y0 -= origin[1]
+                turns = w[row, j] / wavelength[l]
+                scale, amplitude = 1.0, 0j
+                for n in range(terms):
+                    looked_up = 0j
+                    for s in range(y_count):
+                        for t in range(x_count):
+                            looked_up += window[s, t] * table[n, y0 + s, x0 + t]
+                    amplitude += scale * looked_up
+                    scale *= turns
+                power = np.float32(amplitude.real * amplitude.real + amplitude.imag * amplitude.imag)
+                for channel in range(channels):
+                    out[channel, row, j] += share[channel, l] * power
