@@ -77,7 +77,9 @@ def periodicity(surface: HeightField, *, count: int = 2, contrast: float = 10.0)
     spectrum = spectrum_of(np.nan_to_num(level), periodic=surface.periodic)
     found = peaks(spectrum, count=count, contrast=contrast)
     if not found:
-        _log.warning("No period stands out in any direction; of one, the map has to hold about six cycles.")
+        _log.warning(
+            "No period stands out in any direction. Of a sharp one a map has to hold four cycles, of a wide one about six."
+        )
     pitch = surface.pitch_um
     frequency = np.array([peak.frequency for peak in found])
     period = pitch / frequency
