@@ -78,7 +78,7 @@ def periodicity(surface: HeightField, *, count: int = 2, contrast: float = 10.0)
     found = peaks(spectrum, count=count, contrast=contrast)
     if not found:
         _log.warning(
-            "No period stands out in any direction. Of a sharp one a map has to hold four cycles, of a wide one about six."
+            "No period stands out in any direction. A sharp one takes four cycles of the map, a wide one about six."
         )
     pitch = surface.pitch_um
     frequency = np.array([peak.frequency for peak in found])
