@@ -81,6 +81,13 @@ def recomposed(experiment: str, config_yaml: str, file: Path) -> Configuration:
     return Configuration(experiment, content, content, (), ((file, ""),))
 
 
+def _package(file: Path) -> str:
+    """The section that a YAML file says it fills, ``# @package graph.surface``; empty where it says nothing."""
+    with file.open(encoding="utf-8") as lines:
+        found = re.match(r"# @package ([\w.]+)", lines.readline())
+    return found[1] if found else ""
+
+
 @contextmanager
 def hydra_ready(folders: Sequence[Path]) -> Iterator[list[str]]:
     """Hydra initialised on our folder; gives the overrides that add the others."""
@@ -236,7 +243,7 @@ def _composed(texts: Sequence[str], overrides: Sequence[str], folders: Sequence[
             if file is None:
                 hint = nearest(choice, options(group, folders))
                 raise InputError(f"there is no {group} '{choice}'", where="the experiment's defaults", hint=hint)
-            files.append((file, "" if group == "experiment" else section or group))
+            files.append((file, "" if group == "experiment" else section or _package(file) or group))
     return {
         "content": {str(k): v for k, v in content.items()},
         "raw": {str(k): v for k, v in raw.items()},

@@ -41,8 +41,8 @@ _FLANK = 0.2
 """Part of its height over what lies around that still belongs to a wide peak."""
 _WIDE = 3.0
 """Widths of a peak found within which others are parts of it."""
-_LINE_CONTRAST = 3.0
-"""Least contrast of what is looked at as a line."""
+_LINE_CONTRAST = 1.0
+"""Least contrast of what is looked at as a line, which its shape then decides."""
 _LINE_LEFT = 0.1
 """Part of a line's power that may be left where it was, after it is taken away; a wave fitted to noise leaves more."""
 _OF_TILE = 0.05
@@ -150,6 +150,7 @@ def peaks(spectrum: Spectrum, *, count: int, contrast: float = CONTRAST) -> list
     for row, column, level in _candidates(spectrum, smooth, _LINE_CONTRAST):
         line = _as_line(spectrum, row, column, smooth[row, column] / level, rest, least)
         lines += [line] if line else []
+    _forget_multiples(spectrum, rest, lines)
     wide = float(np.clip(min(smooth.shape) / _SIDE, _SMOOTHING, _WIDEST))
     bands: list[Peak | None] = []
     for sigma in sorted({_SMOOTHING, wide}):
@@ -195,6 +196,28 @@ def _of_tile(spectrum: Spectrum, rest: Float64Array, least: float) -> list[Peak]
         found.append(Peak(x, y, np.zeros((2, 2)), variance, np.inf))
         rest[row, column] = 0.0
     return found
+
+
+def _forget_multiples(spectrum: Spectrum, rest: Float64Array, lines: list[Peak]) -> None:
+    """Give ``rest`` the level around it wherever multiples of the two strongest lines, and their sums, lie."""
+    basis: list[Peak] = []
+    for line in sorted(lines, key=lambda one: -one.variance):
+        if len(basis) < 2 and not _explained(line, basis, spectrum.bins):
+            basis.append(line)
+    if not basis:
+        return
+    level = _around_origin(rest, np.hypot(spectrum.x[None, :], spectrum.y[:, None]))
+    places = np.zeros((1, 2))
+    for line in basis:
+        most = int(1 / line.frequency)
+        places = (places[:, None] + np.arange(-most, most + 1)[:, None] * [line.y, line.x]).reshape(-1, 2)
+    places = places[(np.abs(places) < 0.5).all(axis=1) & places.any(axis=1)]
+    rows, columns = rest.shape
+    row = np.rint(rows // 2 - places[:, 0] * rows).astype(int)
+    column = np.rint(columns // 2 + places[:, 1] * columns).astype(int)
+    around = np.arange(-_REACH, _REACH + 1)
+    down, across = (row[:, None, None] + around[:, None]) % rows, (column[:, None, None] + around) % columns
+    rest[down, across] = level[down, across]
 
 
 def _around_origin(smooth: Float64Array, frequency: Float64Array) -> Float64Array:
@@ -320,10 +343,10 @@ def _refined(spectrum: Spectrum, fx: float, fy: float) -> tuple[float, float]:
         along_y = np.exp(-2j * np.pi * fy * row) * np.stack([row**0, row, row**2])
         moment = along_y @ _times(spectrum.windowed, along_x.T)
         (d, dx, dxx), (dy, dxy, _), (dyy, _, _) = moment * np.array([1, -1j, -1])[:, None] * np.array([1, -1j, -1])
-        gradient = 2 * np.real(np.conj(d) * np.array([dx, dy]))
+        gradient = 2 * np.real(np.conj(d) * np.array([dx, dy])) / abs(d) ** 2  # of the logarithm, which is concave
         mixed = np.conj(dx) * dy + np.conj(d) * dxy
         straight = [abs(dx) ** 2 + np.conj(d) * dxx, abs(dy) ** 2 + np.conj(d) * dyy]
-        hessian = 2 * np.real([[straight[0], mixed], [mixed, straight[1]]])
+        hessian = 2 * np.real([[straight[0], mixed], [mixed, straight[1]]]) / abs(d) ** 2 - np.outer(gradient, gradient)
         if not (hessian[0, 0] < 0 < np.linalg.det(hessian)):
             break
         step = -np.linalg.solve(hessian, gradient) / (2 * np.pi)

@@ -12,6 +12,8 @@ import pipeline.data
 from pipeline.data import HeightField
 from pipeline.report.figures import figures_of
 from pipeline.report.outputs import WRITERS
+from pipeline.stages.fit.periodicity import periodicity
+from pipeline.stages.simulate.bumps import bumps
 from pipeline.storage.artifact import content_of, digest_of, read_artifact, write_artifact
 
 
@@ -64,3 +66,19 @@ def test_the_store_gives_back_what_it_got(tmp_path: Path) -> None:
     back = read_artifact(tmp_path, {"HeightField": pipeline.data.HeightField}, artifact=digest_of(description))
     np.testing.assert_array_equal(back.height_um, field().height_um)
     assert (back.pitch_um, back.periodic, back.caption) == (0.065, False, "A made-up ramp")
+
+
+def test_boxes_stand_around_the_peaks_and_the_table_lists_them(tmp_path: Path) -> None:
+    found = periodicity(bumps(size_um=20, pitch_um=0.1))
+    (spectrum,) = figures_of(found)
+    assert {"x (1/µm)", "y (1/µm)"} <= set(re.findall(r">([^<]+)</text>", spectrum.body))
+    assert "1: 2.5 ± 0 µm at 0.00 ± 0°; 2: 2 ± 0 µm at 90.00 ± 0°" in spectrum.caption
+    assert len(re.findall(r'class="mark"', spectrum.body)) == 2
+    assert {path.name for path in WRITERS["Periodicity"](tmp_path / "fit", found)} == {"fit.csv", "fit.exr"}
+    head, *rows = (tmp_path / "fit.csv").read_text().splitlines()
+    assert head.startswith("period_um,period_error_um,direction_deg")
+    assert [round(float(row.split(",")[0]), 6) for row in rows] == [2.5, 2.0]
+    nothing = periodicity(HeightField(np.random.default_rng(0).normal(size=(64, 64)), 0.1))
+    assert "No period stands out." in figures_of(nothing)[0].caption
+    list(WRITERS["Periodicity"](tmp_path / "none", nothing))
+    assert len((tmp_path / "none.csv").read_text().splitlines()) == 1

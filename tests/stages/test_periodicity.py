@@ -32,12 +32,11 @@ def turn_deg(found_rad: float, true_deg: float) -> float:
     tilt_deg=st.floats(0, 2),
 )
 def test_any_period_in_any_direction_is_found(stage, period_um: float, orientation_deg: float, tilt_deg: float) -> None:
-    """To two thousandths: points on a sawtooth fold its high multiples back, close to its period."""
+    """Points on a sawtooth fold its high multiples back, the 20th with a 20th of the height right beside the first."""
     made = stage(period_um=period_um, orientation_deg=orientation_deg, size_um=24, pitch_um=0.1, periodic=False)
     found = periodicity(scanned(made, tilt_deg=tilt_deg, noise_um=0.01), count=1)
-    assert found.period_um.tolist() == pytest.approx([period_um], rel=2e-3)
-    assert abs(turn_deg(found.direction_rad[0], orientation_deg)) < 0.06
-    assert found.spread.tolist() == [0]
+    assert found.period_um.tolist() == pytest.approx([period_um], rel=6e-3 if stage is blaze else 3e-4)
+    assert abs(turn_deg(found.direction_rad[0], orientation_deg)) < (0.4 if stage is blaze else 0.05)
     assert found.metrics["period_1_um"] == found.period_um[0]
 
 

@@ -11,7 +11,7 @@ from pipeline.data import HeightField, Periodicity
 from pipeline.errors import InputError
 from pipeline.limits import at_least, refuse, within
 from pipeline.optics.levelling import plane
-from pipeline.optics.periodicity import FEWEST_CYCLES, Peak, Spectrum, peaks, spectrum_of
+from pipeline.optics.periodicity import Peak, Spectrum, peaks, spectrum_of
 
 LEAST_SIDE = 16
 MOST_PERIODS = 6
@@ -77,7 +77,9 @@ def periodicity(surface: HeightField, *, count: int = 2, contrast: float = 10.0)
     spectrum = spectrum_of(np.nan_to_num(level), periodic=surface.periodic)
     found = peaks(spectrum, count=count, contrast=contrast)
     if not found:
-        _log.warning("No period stands out in any direction, from two samples to a %.2g-th of the map.", FEWEST_CYCLES)
+        _log.warning(
+            "No period stands out in any direction. A sharp one takes four cycles of the map, a wide one about six."
+        )
     pitch = surface.pitch_um
     frequency = np.array([peak.frequency for peak in found])
     period = pitch / frequency

@@ -56,7 +56,7 @@ def scanned(
     Returns
     -------
     HeightField
-        Of the same shape and type; no longer periodic where the sample is tilted.
+        Of the same shape and type; no longer periodic where the sample is tilted. Without faults, the surface itself.
 
     Raises
     ------
@@ -72,6 +72,8 @@ def scanned(
         bits=bits,
         seed=seed,
     )
+    if not (tilt_deg or line_offset_um or (spikes and spike_um) or noise_um or bits):
+        return surface
     height = surface.height_um.astype(np.float64)
     rows, columns = height.shape
     rng = np.random.default_rng(seed)
