@@ -231,7 +231,7 @@ def _sweep(line: Line, origin: Origin | None = None) -> int:
     from pipeline.execution.live import display
     from pipeline.sweeps import run_sweep
 
-    with display(quiet=line.quiet) as shown:
+    with display(quiet=line.quiet, notes=False) as shown:
         done = run_sweep(line.words, line.folders, shown, _to_stderr(line), origin)
     if not line.quiet:
         print((done.folder / "table.txt").read_text())

@@ -359,6 +359,29 @@ class Periodicity:
 
 
 @dataclass(frozen=True, eq=False)
+class BrdfMap:
+    """How a surface shines in all directions, relative to a mirror at normal incidence.
+
+    Attributes
+    ----------
+    rgb : ndarray of shape (L, M, M, 3), float32
+        Linear sRGB over discs of directions of view, whose pixel (row, column) looks along (x, y) of the disc with y up
+        and the edge at grazing view; 0 outside.
+    light : ndarray of shape (L, 3), float64
+        Unit vectors towards the light.
+    evaluator : str
+        How the response was found.
+    caption : str
+        Of what surface.
+    """
+
+    rgb: FloatArray
+    light: FloatArray
+    evaluator: str = ""
+    caption: str = ""
+
+
+@dataclass(frozen=True, eq=False)
 class Metrics:
     """Figures for the table: each name ends in its unit."""
 

@@ -22,18 +22,18 @@ class Display(Protocol):
     ) -> None: ...
 
 
-def display(*, quiet: bool) -> Display:
-    """Choose the display that fits the terminal."""
+def display(*, quiet: bool, notes: bool = True) -> Display:
+    """Choose the display that fits the terminal; ``notes`` are what stages say beside warnings."""
     if quiet:
         return PlainLog(quiet=True)
-    return LiveBars() if sys.stderr.isatty() else PlainLog()
+    return LiveBars(notes=notes) if sys.stderr.isatty() else PlainLog(notes=notes)
 
 
 class PlainLog:
     """One line for each stage that runs, with its seconds, and its warnings."""
 
-    def __init__(self, *, quiet: bool = False) -> None:
-        self.quiet = quiet
+    def __init__(self, *, quiet: bool = False, notes: bool = True) -> None:
+        self.quiet, self.notes = quiet, notes
 
     def __enter__(self) -> PlainLog:
         return self
@@ -55,12 +55,15 @@ class PlainLog:
             return
         if outcome.status != "cached":
             print(line_of(outcome), file=sys.stderr, flush=True)
-        for line in said_lines(outcome):
+        for line in said_lines(outcome, notes=self.notes):
             print(line, file=sys.stderr, flush=True)
 
 
 class LiveBars:
     """A bar for each running stage, above which finished ones scroll away."""
+
+    def __init__(self, *, notes: bool = True) -> None:
+        self.notes = notes
 
     def __enter__(self) -> LiveBars:
         from rich.console import Console
@@ -105,7 +108,7 @@ class LiveBars:
         if outcome.status != "cached":
             colour = {"ran": "green", "failed": "red", "blocked": "yellow"}[outcome.status]
             self._progress.console.print(Text(line_of(outcome), style=colour))
-        for line in said_lines(outcome):
+        for line in said_lines(outcome, notes=self.notes):
             self._progress.console.print(Text(line, style="yellow"))
 
 
@@ -136,11 +139,11 @@ def line_of(outcome: Outcome) -> str:
     return f"{outcome.status:>8}  {seconds}  {outcome.name}" + (f"  ({tail})" if tail else "")
 
 
-def said_lines(outcome: Outcome) -> list[str]:
+def said_lines(outcome: Outcome, *, notes: bool) -> list[str]:
     """What the stage said while it ran; of a cached one what it warned of when it was computed."""
     if outcome.record is None:
         return []
     cached = outcome.status == "cached"
     place = f" ({outcome.name}, from the store)" if cached else ""
-    notes = [] if cached else [f"          {text}" for text in outcome.record.notes]
-    return [*notes, *(f"          warning{place}: {text}" for text in outcome.record.warnings)]
+    beside = [f"          {text}" for text in outcome.record.notes] if notes and not cached else []
+    return [*beside, *(f"          warning{place}: {text}" for text in outcome.record.warnings)]

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from pipeline.data import (
+    BrdfMap,
     Defects,
     GratingSample,
     HeightField,
@@ -26,6 +27,7 @@ from pipeline.data import (
     PolarizerSequence,
 )
 from pipeline.optics.colour import encode_srgb
+from pipeline.report.brdf_maps import brdf_maps
 from pipeline.report.encoded import webp_uri
 from pipeline.report.heights import heights, periods
 from pipeline.report.inspections import drawn, inspection
@@ -221,6 +223,7 @@ DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     PeriodMap: _period,
     OrientationError: _error,
     PictureSeries: lambda value, _: pictures(value),
+    BrdfMap: lambda value, _: brdf_maps(value),
     PolarizerResponse: lambda value, _: responses(value),
     LineDeviation: lambda value, _: deviations(value),
     Defects: drawn,

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data import (
+    BrdfMap,
     Defects,
     GratingSample,
     HeightField,
@@ -32,6 +33,7 @@ from pipeline.data import (
 from pipeline.errors import PipelineError
 from pipeline.optics.colour import encode_srgb
 from pipeline.parallel import threads
+from pipeline.report.brdf_maps import exposed
 from pipeline.report.encoded import png
 from pipeline.report.exr import write_exr
 from pipeline.report.inspections import csv_of
@@ -241,6 +243,15 @@ def _inspection(stem: Path, value: Inspection) -> Written:
     yield _exr(stem, channels, pixel_mm=value.defects.pixel_mm)
 
 
+def _brdf(stem: Path, value: BrdfMap) -> Written:
+    shown, _ = exposed(value)
+    for k, (light, linear, picture) in enumerate(zip(value.light.tolist(), value.rgb, shown, strict=True)):
+        place = stem.with_name(f"{stem.name}_{k}")
+        channels = {name: linear[..., i] for i, name in enumerate("RGB")}
+        yield _exr(place, channels, **{f"light_{axis}": part for axis, part in zip("xyz", light, strict=True)})
+        yield _png(place, picture)
+
+
 def _heights(stem: Path, value: HeightField) -> Written:
     yield _exr(stem, {"height_um": value.height_um}, pitch_um=value.pitch_um, periodic=value.periodic)
     yield _png(stem, _coloured(value.height_um, spread(value.height_um, "height (µm)")))
@@ -290,6 +301,7 @@ def _coloured(values: NDArray[np.floating], scale: Scale) -> NDArray[np.float32]
 
 WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     PolarizerSequence.__name__: _photos,
+    BrdfMap.__name__: _brdf,
     OrientationMap.__name__: _orientation,
     PeriodMap.__name__: _period,
     GratingSample.__name__: _sample,

@@ -1,0 +1,165 @@
+"""A surface under directed light: its response, on as many cores as are free, and what may be wrong with it."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data import HeightField, Periodicity
+from pipeline.errors import InputError
+from pipeline.limits import above_zero, at_least, refuse, within
+from pipeline.optics.diffraction.directions import Directions
+from pipeline.optics.diffraction.evaluators import NEEDS_LATTICE, Evaluator, Recipe, prepared, terms_needed
+from pipeline.optics.diffraction.patch import Patch
+from pipeline.parallel import over_rows, threads
+
+_log = logging.getLogger(__name__)
+
+_TILE = 64
+_SEAM = 3.0
+"""Times the usual step of neighbours by which a tile that does not fit itself jumps at its border."""
+
+
+def recipe_of(
+    evaluator: Evaluator, coherence_um: float, tolerance: float, terms: int | None, periods: Periodicity | None
+) -> Recipe:
+    """How to evaluate; those that need a lattice take it from the surface's periods.
+
+    Raises
+    ------
+    InputError
+        The evaluator needs periods and there are none, or finufft, and it is not installed.
+    """
+    lattice = None
+    if evaluator in NEEDS_LATTICE:
+        if periods is None or not len(periods.period_um):
+            raise InputError(
+                f"{evaluator} looks for light where the surface's periods send it, and none is known",
+                expected="periods: fit, the node of fit.periodicity, of a surface that has some",
+            )
+        towards = np.stack([np.cos(periods.direction_rad), np.sin(periods.direction_rad)], axis=1)
+        lattice = np.asarray(towards / periods.period_um[:, None], np.float64)
+    if evaluator == "nufft":
+        try:
+            import finufft  # noqa: F401
+        except ImportError:
+            raise InputError(
+                "the non-uniform FFT is not installed", expected="pip install 'optibench[reference]'"
+            ) from None
+    return Recipe(evaluator, coherence_um, tolerance, terms, lattice, threads())
+
+
+def check_recipe(*, coherence_um: float, tolerance: float, terms: int | None) -> None:
+    """Refuse settings that no evaluator takes, before anything runs."""
+    refuse(
+        above_zero(coherence_um=coherence_um),
+        within(1e-9, 0.1, tolerance=tolerance),
+        [] if terms is None else at_least(1, "a response has one term or more", terms=terms),
+    )
+
+
+def responses(
+    surface: HeightField,
+    recipe: Recipe,
+    directions: Directions,
+    wavelength_nm: NDArray[np.float64],
+    weights: NDArray[np.float64],
+) -> NDArray[np.float32]:
+    """Relative response to many directions, added up over wavelengths.
+
+    Parameters
+    ----------
+    surface : HeightField
+        Without gaps; taken to repeat.
+    recipe : Recipe
+        How.
+    directions : Directions
+        Of light and viewer, shape (M, N).
+    wavelength_nm : ndarray of shape (L,)
+        Wavelengths.
+    weights : ndarray of shape (L, C)
+        What each wavelength contributes to C sums.
+
+    Returns
+    -------
+    ndarray of shape (C, M, N), float32
+        1 for a mirror in its direction, where weights sum to 1.
+
+    Raises
+    ------
+    InputError
+        Heights are missing.
+    """
+    patch = patch_of(surface)
+    _warn(surface, patch, recipe, directions, wavelength_nm)
+    wavelength_um = np.asarray(wavelength_nm, np.float64) / 1000
+    terms = terms_needed(recipe, patch, directions, wavelength_um)
+    if terms is not None:
+        _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, terms, recipe.tolerance)
+    response = prepared(recipe, patch, directions, wavelength_um)
+    rows, columns = directions.uvw[2].shape
+    out = np.empty((weights.shape[1], rows, columns), np.float32)
+    kernel = response.rows(directions.uvw, wavelength_um, np.asarray(weights, np.float64), out)
+    over_rows(kernel, rows, tile=rows if recipe.evaluator == "nufft" else _TILE)
+    return out
+
+
+def patch_of(surface: HeightField) -> Patch:
+    """The surface as a tile that repeats.
+
+    Raises
+    ------
+    InputError
+        Heights are missing.
+    """
+    missing = int(np.count_nonzero(~np.isfinite(surface.height_um)))
+    if missing:
+        raise InputError(f"{missing} heights of the surface are not known", expected="align.despiked, which fills gaps")
+    return Patch(np.asarray(surface.height_um, np.float64), surface.pitch_um)
+
+
+def _warn(
+    surface: HeightField,
+    patch: Patch,
+    recipe: Recipe,
+    directions: Directions,
+    wavelength_nm: NDArray[np.float64],
+) -> None:
+    u, v, _ = directions.uvw
+    finest = float(max(np.nanmax(np.abs(u)), np.nanmax(np.abs(v)))) / float(wavelength_nm.min()) * 1000
+    if finest > 0.5 / patch.pitch_um:
+        _log.warning(
+            "Samples %g um apart hold orders up to %.2f per um, and directions ask for %.2f: what lies beyond is a "
+            "mirror image. A pitch of %.3g um would do.",
+            patch.pitch_um,
+            0.5 / patch.pitch_um,
+            finest,
+            0.5 / finest,
+        )
+    narrow = min(n * patch.pitch_um for n in patch.height_um.shape)
+    if narrow < 0.99 * recipe.coherence_um:
+        _log.info(
+            "The tile is %.3g um wide, narrower than the coherence window of %g um: it is taken to repeat within it.",
+            narrow,
+            recipe.coherence_um,
+        )
+    if not surface.periodic:
+        jump = _seam(patch.height_um)
+        if jump > _SEAM:
+            _log.warning(
+                "The surface does not repeat, and the tile jumps at its border by %.1f times what neighbours differ: "
+                "that diffracts along the axes.",
+                jump,
+            )
+
+
+def _seam(height_um: NDArray[np.float64]) -> float:
+    """Root mean square step across the border over that of neighbours inside, the larger of both axes."""
+    ratios = []
+    for axis in (0, 1):
+        step = np.diff(height_um, axis=axis, append=np.take(height_um, [0], axis=axis))
+        rms = np.sqrt((step**2).mean(axis=1 - axis))
+        ratios.append(float(rms[-1] / max(np.sqrt((rms[:-1] ** 2).mean()), 1e-12)))
+    return max(ratios)

@@ -1,0 +1,48 @@
+"""How far one BRDF map is from another of the same surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.data import BrdfMap, Metrics
+from pipeline.errors import InputError
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+_tolerance_brdf_difference = {"metrics": 1e-2}
+
+
+def brdf_difference(estimate: BrdfMap, reference: BrdfMap) -> Metrics:
+    """Compare a map with a reference, colour by colour.
+
+    Parameters
+    ----------
+    estimate, reference : BrdfMap
+        Of the same size, under the same lights.
+
+    Returns
+    -------
+    Metrics
+        ``brdf_error_max_percent``, the largest difference of any colour relative to the reference's largest value;
+        ``brdf_error_rms_percent``, the root mean square difference relative to that of the reference away from the
+        mirror's direction, which would hide the rest; and ``brdf_energy_percent``, the sum of luminances relative to
+        the reference's.
+
+    Raises
+    ------
+    InputError
+        The maps differ in size or lights.
+    """
+    if estimate.rgb.shape != reference.rgb.shape or not np.allclose(estimate.light, reference.light):
+        raise InputError("the maps differ in size or lights", expected="the same light_deg and size_px in both")
+    first, second = estimate.rgb.astype(np.float64), reference.rgb.astype(np.float64)
+    bright = second @ _LUMINANCE
+    usual = bright < np.percentile(bright[bright != 0], 99.5)
+    difference = first - second
+    rms, usual_rms = (np.sqrt((part[usual] ** 2).mean()) for part in (difference, second))
+    return Metrics(
+        {
+            "brdf_error_max_percent": 100 * float(np.abs(difference).max() / np.abs(second).max()),
+            "brdf_error_rms_percent": 100 * float(rms / usual_rms),
+            "brdf_energy_percent": 100 * float((first @ _LUMINANCE).sum() / bright.sum()),
+        }
+    )
