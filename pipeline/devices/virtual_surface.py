@@ -11,13 +11,14 @@ from pipeline.data import HeightField, Periodicity
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, at_least, refuse, within
 from pipeline.optics.diffraction.directions import Directions
-from pipeline.optics.diffraction.evaluators import NEEDS_LATTICE, Evaluator, Recipe, prepared, terms_needed
+from pipeline.optics.diffraction.evaluators import NEEDS_LATTICE, Evaluator, Recipe, prepared, terms_and_error
 from pipeline.optics.diffraction.patch import Patch
 from pipeline.parallel import over_rows, threads
 
 _log = logging.getLogger(__name__)
 
 _TILE = 64
+_ROUNDED = 1.0001
 _SEAM = 3.0
 """Times the usual step of neighbours by which a tile that does not fit itself jumps at its border."""
 
@@ -95,9 +96,18 @@ def responses(
     patch = patch_of(surface)
     _warn(surface, patch, recipe, directions, wavelength_nm)
     wavelength_um = np.asarray(wavelength_nm, np.float64) / 1000
-    terms = terms_needed(recipe, patch, directions, wavelength_um)
-    if terms is not None:
-        _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, terms, recipe.tolerance)
+    found = terms_and_error(recipe, patch, directions, wavelength_um)
+    if found is not None and found[1] <= recipe.tolerance * _ROUNDED:
+        _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, found[0], recipe.tolerance)
+    elif found is not None:
+        _log.warning(
+            "%s: %d terms leave an amplitude error of up to %.2g on a relief of %.3g um; asked for are %g.",
+            recipe.evaluator,
+            found[0],
+            min(found[1], 1e9),
+            patch.relief_um,
+            recipe.tolerance,
+        )
     response = prepared(recipe, patch, directions, wavelength_um)
     rows, columns = directions.uvw[2].shape
     out = np.empty((weights.shape[1], rows, columns), np.float32)

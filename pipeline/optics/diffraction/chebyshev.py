@@ -152,26 +152,32 @@ def chebyshev_response(
     across, along = reached(x, uvw[0], wavelength_um), reached(y, uvw[1], wavelength_um)
     nodes = polynomials.chebpts1(count) if count > 1 else np.zeros(1)
     to_coefficients = np.linalg.inv(polynomials.chebvander(nodes, count - 1))
-    turns = (2j * np.pi * patch.centred()).astype(np.complex64)
-    values = np.stack(
-        [
-            spectral_lines(np.exp(np.complex64(q) * turns), across, along, workers)
-            for q in (low + high) / 2 + (high - low) / 2 * nodes
-        ]
-    )
+    turns = (2 * np.pi * patch.centred()).astype(np.float32)
+    field = np.empty(turns.shape, np.complex64)
+    values = np.empty((count, along[1] - along[0], across[1] - across[0]), np.complex64)
+    for value, q in zip(values, (low + high) / 2 + (high - low) / 2 * nodes, strict=True):
+        phase = np.float32(q) * turns
+        np.cos(phase, out=field.real)
+        np.sin(phase, out=field.imag)
+        value[:] = spectral_lines(field, across, along, workers)
     found = np.tensordot(to_coefficients.astype(np.float32), values, 1)
     table = np.ascontiguousarray(np.stack([found.real, found.imag], axis=1).transpose(2, 0, 1, 3), np.float32)
     return ChebyshevResponse(table, (across[0], along[0]), x, y, (low, high), tolerance, patch.relief_um)
 
 
 def degree_for(phase_rad: float, tolerance: float) -> int:
-    """How many Chebyshev polynomials hold ``exp(i phase t)`` for ``-1 <= t <= 1`` to ``tolerance``.
-
-    Interpolation at Chebyshev points errs by twice what is left of the series ``J_0 + 2 sum i^n J_n T_n``.
-    """
+    """How many Chebyshev polynomials hold ``exp(i phase t)`` for ``-1 <= t <= 1`` to ``tolerance``."""
     most = int(phase_rad + 20 + 10 * np.log10(1 / tolerance) / 3 + phase_rad ** (1 / 3) * 10)
-    left = 4 * np.cumsum(np.abs(jv(np.arange(1, most + 1), phase_rad))[::-1])[::-1]
-    return int(np.argmax(left < tolerance)) + 1
+    return int(np.argmax(chebyshev_errors(phase_rad, most) < tolerance)) + 1
+
+
+def chebyshev_errors(phase_rad: float, most: int) -> Float64Array:
+    """Bound of the error of 1 to ``most`` polynomials.
+
+    Interpolation at Chebyshev points errs by at most twice what is left of the series ``J_0 + 2 sum i^n J_n T_n``.
+    """
+    further = most + int(phase_rad) + 40
+    return 4 * np.cumsum(np.abs(jv(np.arange(1, further + 1), phase_rad))[::-1])[::-1][:most]
 
 
 def _grid_lines(part: Float64Array, axis: int) -> Float64Array | None:

@@ -9,8 +9,8 @@ from numba import njit
 
 from pipeline.optics.diffraction.patch import Float32Array, Float64Array, Patch, RowKernel
 
-_REACH = 6.0
-"""Standard deviations of the coherence window after which its tail, below 2e-8, is left out."""
+_REACH = 5.0
+"""Standard deviations of the coherence window after which its tail, 6e-7 of its sum, is left out."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,7 @@ class NonuniformResponse:
 
     surface: DirectResponse
     tolerance: float
+    workers: int
 
     def rows(
         self,
@@ -119,7 +120,7 @@ class NonuniformResponse:
             turns = [
                 np.concatenate([2 * np.pi / lam * part[start:stop][known] for lam in wavelength_um]) for part in parts
             ]
-            found = finufft.nufft3d3(*points, strength, *turns, eps=self.tolerance, isign=1)
+            found = finufft.nufft3d3(*points, strength, *turns, eps=self.tolerance, isign=1, nthreads=self.workers)
             power = (np.abs(found) ** 2).reshape(len(wavelength_um), -1)
             out[:, start:stop] = 0
             out[:, start:stop][:, known] = weights.T @ power
@@ -127,6 +128,8 @@ class NonuniformResponse:
         return rows
 
 
-def nonuniform_response(patch: Patch, *, coherence_um: float, tolerance: float = 1e-7) -> NonuniformResponse:
+def nonuniform_response(
+    patch: Patch, *, coherence_um: float, tolerance: float = 1e-7, workers: int = 1
+) -> NonuniformResponse:
     """Repeat a patch as :func:`direct_response` does; ``tolerance`` is the transform's relative error."""
-    return NonuniformResponse(direct_response(patch, coherence_um=coherence_um), tolerance)
+    return NonuniformResponse(direct_response(patch, coherence_um=coherence_um), tolerance, workers)

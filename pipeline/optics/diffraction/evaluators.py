@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.optics.diffraction.bumps import BumpResponse
-from pipeline.optics.diffraction.chebyshev import chebyshev_response, degree_for
+from pipeline.optics.diffraction.chebyshev import chebyshev_errors, chebyshev_response, degree_for
 from pipeline.optics.diffraction.direct import direct_response, nonuniform_response
 from pipeline.optics.diffraction.directions import Directions
 from pipeline.optics.diffraction.patch import Patch, SpectralResponse, frequency_sigma, quotient_range
 from pipeline.optics.diffraction.replicas import replica_response
-from pipeline.optics.diffraction.taylor import phase_range, taylor_response, taylor_terms
+from pipeline.optics.diffraction.taylor import phase_range, taylor_error, taylor_response, taylor_terms
 
 Float64Array = NDArray[np.float64]
 Evaluator = Literal["chebyshev", "flss", "nmm", "pq", "pq_sinc", "gem", "nufft", "direct"]
@@ -83,7 +83,7 @@ def prepared(recipe: Recipe, patch: Patch, directions: Directions, wavelength_um
             workers=workers,
         )
     if name == "nufft":
-        return nonuniform_response(patch, coherence_um=width, tolerance=min(tolerance, _REFERENCE))
+        return nonuniform_response(patch, coherence_um=width, tolerance=min(tolerance, _REFERENCE), workers=workers)
     if name == "direct":
         return direct_response(patch, coherence_um=width)
     if name in NEEDS_LATTICE and (lattice is None or not len(lattice)):
@@ -103,17 +103,21 @@ def prepared(recipe: Recipe, patch: Patch, directions: Directions, wavelength_um
     )
 
 
-def terms_needed(recipe: Recipe, patch: Patch, directions: Directions, wavelength_um: Float64Array) -> int | None:
-    """Terms that the evaluator takes; None for one that has none."""
+def terms_and_error(
+    recipe: Recipe, patch: Patch, directions: Directions, wavelength_um: Float64Array
+) -> tuple[int, float] | None:
+    """Terms that the evaluator takes and the bound of the amplitude's error that they leave; None if it has none."""
     if recipe.evaluator in ("gem", "nufft", "direct"):
         return None
-    if recipe.terms is not None:
-        return recipe.terms
     w = directions.uvw[2]
     if recipe.evaluator == "chebyshev":
         low, high = quotient_range(w, wavelength_um)
-        return degree_for(np.pi * (high - low) * patch.relief_um / 2, recipe.tolerance)
-    return taylor_terms(phase_range(patch, w, wavelength_um), recipe.tolerance)
+        phase = np.pi * (high - low) * patch.relief_um / 2
+        terms = recipe.terms or degree_for(phase, recipe.tolerance)
+        return terms, float(chebyshev_errors(phase, terms)[-1])
+    phase = phase_range(patch, w, wavelength_um)
+    terms = recipe.terms or taylor_terms(phase, recipe.tolerance)
+    return terms, taylor_error(phase, terms)
 
 
 def lattice_orders(

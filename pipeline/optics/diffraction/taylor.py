@@ -111,6 +111,12 @@ def taylor_terms(phase_rad: float, tolerance: float) -> int:
     return int(n[np.flatnonzero(left > np.log(tolerance))[-1] + 1]) if (left > np.log(tolerance)).any() else 1
 
 
+def taylor_error(phase_rad: float, terms: int) -> float:
+    """Bound of the error of so many terms: the remainder, and the rounding of terms that are large and cancel."""
+    remainder = terms * np.log(max(phase_rad, 1e-12)) - gammaln(terms + 1)
+    return float(np.exp(min(remainder, 300.0)) + np.finfo(np.float64).eps * np.exp(min(phase_rad, 300.0)))
+
+
 @njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc", "arcp"})
 def _taylor_rows(  # type: ignore[no-untyped-def]
     table, origin, axes, orders, u, v, w, wavelength, share, start, stop, out

@@ -72,7 +72,7 @@ def test_a_rough_surface_responds_as_the_sum_over_its_points(name: str, grid: bo
     found = made(name, rough(), to, VISIBLE, 6.0)
     expected = made("direct", rough(), to, VISIBLE, 6.0)
     assert expected.max() > 0.02
-    np.testing.assert_allclose(found, expected, atol=3e-7)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
 @exact
@@ -94,7 +94,7 @@ def test_a_cosine_grating_has_bessel_orders(name: str, order: int) -> None:
     for i, wavelength in enumerate(VISIBLE):
         to = in_plane(np.array([np.arcsin(-sine[i])]))
         phase = np.pi * depth / wavelength * abs(to.uvw[2][0, 0])
-        found = made(name, patch, to, VISIBLE[i : i + 1], 40.0)
+        found = made(name, patch, to, VISIBLE[i : i + 1], 16.0)
         assert found[0, 0, 0] == pytest.approx(jv(order, phase) ** 2, abs=3e-6)
 
 
@@ -106,7 +106,7 @@ def test_a_blaze_that_rises_towards_the_viewer_sends_light_away(name: str, azimu
     patch = Patch(np.rot90(ramp, turn), 0.05)
     first = np.arcsin(0.5 / 2.5)
     to = in_plane(np.array([-first, first]), azimuth_rad=np.deg2rad(azimuth_deg))
-    against, along = made(name, patch, to, np.array([0.5]), 30.0)[0, 0]
+    against, along = made(name, patch, to, np.array([0.5]), 15.0)[0, 0]
     assert against > 0.95
     assert along < 0.02
 
@@ -143,26 +143,27 @@ def test_wavelengths_that_no_order_sends_are_left_dark_and_the_rest_is_the_same(
 @pytest.mark.parametrize("replicas", [1, 2, 5])
 def test_patches_side_by_side_respond_as_the_sum_over_their_points(replicas: int) -> None:
     patch = rough(16, 21)
-    to = in_plane(np.linspace(-0.9, 0.9, 31), light_rad=0.3, azimuth_rad=0.7)
+    to = in_plane(np.linspace(-0.9, 0.9, 13), light_rad=0.3, azimuth_rad=0.7)
     width = 21 * 0.08 * replicas / 0.836
-    response = replica_response(patch, to.uvw, VISIBLE, coherence_um=width, reach=400)
+    response = replica_response(patch, to.uvw, VISIBLE, coherence_um=width, reach=100)
     assert response.replicas[0] == replicas
     height = np.tile(patch.height_um, response.replicas[::-1])
     y, x = np.mgrid[: height.shape[0], : height.shape[1]] * 0.08
+    found = respond(response, to, VISIBLE)
     for i, wavelength in enumerate(VISIBLE):
         u, v, w = (part[0] for part in to.uvw)
         phase = u[:, None, None] * x - v[:, None, None] * y + w[:, None, None] * height
         expected = np.abs(np.exp(2j * np.pi * phase / wavelength).mean(axis=(1, 2))) ** 2
         # The sinc of samples that do not go on for ever is a little off between lines.
-        np.testing.assert_allclose(respond(response, to, VISIBLE)[i, 0], expected, atol=3e-3)
+        np.testing.assert_allclose(found[i, 0], expected, atol=3e-3)
 
 
 def test_patches_side_by_side_have_a_limit_where_their_series_divides_by_zero() -> None:
     period = 2.5
     patch = Patch(np.tile(np.arange(50) / 50 * 0.25, (50, 1)), period / 50)
     to = in_plane(np.arcsin(-np.arange(-2, 3) * 0.5 / period))
-    found = respond(replica_response(patch, to.uvw, np.array([0.5]), coherence_um=65.0), to, np.array([0.5]))
-    expected = made("direct", patch, to, np.array([0.5]), 65.0)
+    found = respond(replica_response(patch, to.uvw, np.array([0.5]), coherence_um=20.0), to, np.array([0.5]))
+    expected = made("direct", patch, to, np.array([0.5]), 20.0)
     np.testing.assert_allclose(found, expected, atol=1e-4)
 
 
