@@ -382,6 +382,25 @@ class BrdfMap:
 
 
 @dataclass(frozen=True, eq=False)
+class Pictures:
+    """Pictures of one scene, each with what it shows.
+
+    Attributes
+    ----------
+    rgb : ndarray of shape (K, M, N, 3), float32
+        Linear sRGB, relative to a white matt surface that faces the light; 0 where there is nothing.
+    labels : tuple of str
+        What each shows.
+    caption : str
+        Of what.
+    """
+
+    rgb: FloatArray
+    labels: tuple[str, ...]
+    caption: str = ""
+
+
+@dataclass(frozen=True, eq=False)
 class Metrics:
     """Figures for the table: each name ends in its unit."""
 

@@ -10,8 +10,16 @@ from numpy.typing import NDArray
 from pipeline.data import HeightField, Periodicity
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, at_least, refuse, within
+from pipeline.optics.colour import FIRST_NM
 from pipeline.optics.diffraction.directions import Directions
-from pipeline.optics.diffraction.evaluators import NEEDS_LATTICE, Evaluator, Recipe, prepared, terms_and_error
+from pipeline.optics.diffraction.evaluators import (
+    NEEDS_LATTICE,
+    Evaluator,
+    Recipe,
+    prepared,
+    terms_and_error,
+    wavelength_step_nm,
+)
 from pipeline.optics.diffraction.patch import Patch
 from pipeline.parallel import over_rows, threads
 
@@ -19,6 +27,8 @@ _log = logging.getLogger(__name__)
 
 _TILE = 64
 _ROUNDED = 1.0001
+_STEP_ERROR = 1e-2
+_FINEST_NM, _COARSEST_NM = 0.25, 10.0
 _SEAM = 3.0
 """Times the usual step of neighbours by which a tile that does not fit itself jumps at its border."""
 
@@ -61,12 +71,20 @@ def check_recipe(*, coherence_um: float, tolerance: float, terms: int | None) ->
     )
 
 
+def automatic_step_nm(directions: Directions, coherence_um: float) -> float:
+    """Widest step of visible wavelengths that shows every order, within reason."""
+    step = wavelength_step_nm(directions, coherence_um, _STEP_ERROR, FIRST_NM)
+    return float(np.clip(step, _FINEST_NM, _COARSEST_NM))
+
+
 def responses(
     surface: HeightField,
     recipe: Recipe,
     directions: Directions,
     wavelength_nm: NDArray[np.float64],
     weights: NDArray[np.float64],
+    *,
+    tell: bool = True,
 ) -> NDArray[np.float32]:
     """Relative response to many directions, added up over wavelengths.
 
@@ -82,6 +100,8 @@ def responses(
         Wavelengths.
     weights : ndarray of shape (L, C)
         What each wavelength contributes to C sums.
+    tell : bool
+        Whether to log what was chosen and what may be wrong.
 
     Returns
     -------
@@ -94,12 +114,14 @@ def responses(
         Heights are missing.
     """
     patch = patch_of(surface)
-    _warn(surface, patch, recipe, directions, wavelength_nm)
+    if tell:
+        _warn(surface, patch, recipe, directions, wavelength_nm)
     wavelength_um = np.asarray(wavelength_nm, np.float64) / 1000
     found = terms_and_error(recipe, patch, directions, wavelength_um)
     if found is not None and found[1] <= recipe.tolerance * _ROUNDED:
-        _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, found[0], recipe.tolerance)
-    elif found is not None:
+        if tell:
+            _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, found[0], recipe.tolerance)
+    elif found is not None and tell:
         _log.warning(
             "%s: %d terms leave an amplitude error of up to %.2g on a relief of %.3g um; asked for are %g.",
             recipe.evaluator,

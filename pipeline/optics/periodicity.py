@@ -148,7 +148,9 @@ def peaks(spectrum: Spectrum, *, count: int, contrast: float = CONTRAST) -> list
     lines = _of_tile(spectrum, rest, _OF_TILE * rest.sum()) if spectrum.window[0].min() == 1 else []
     least = LEAST_SHARE * float(spectrum.power.sum())
     for row, column, level in _candidates(spectrum, smooth, _LINE_CONTRAST):
-        line = _as_line(spectrum, row, column, smooth[row, column] / level, rest, least)
+        with np.errstate(divide="ignore"):  # a tile that repeats may have nothing beside its lines
+            contrast_here = smooth[row, column] / level
+        line = _as_line(spectrum, row, column, contrast_here, rest, least)
         lines += [line] if line else []
     _forget_multiples(spectrum, rest, lines)
     wide = float(np.clip(min(smooth.shape) / _SIDE, _SMOOTHING, _WIDEST))

@@ -16,16 +16,18 @@ _WHITE_PERCENTILE = 99.0
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
-def exposed(value: BrdfMap) -> tuple[NDArray[np.float32], float]:
-    """Pictures encoded for a display, and what is shown as white: most of the disc, without the mirror's direction."""
-    bright = (np.clip(value.rgb, 0, None) @ _LUMINANCE)[value.rgb.any(axis=-1)]
-    white = float(np.percentile(bright, _WHITE_PERCENTILE)) if bright.size else 1.0
-    return encode_srgb(value.rgb / (white or 1.0)), white or 1.0
+def exposed(
+    rgb: NDArray[np.floating], white_percentile: float = _WHITE_PERCENTILE
+) -> tuple[NDArray[np.float32], float]:
+    """Pictures encoded for a display, and what is shown as white: brighter than most, not than a mirror."""
+    bright = (np.clip(rgb, 0, None) @ _LUMINANCE)[rgb.any(axis=-1)]
+    white = float(np.percentile(bright, white_percentile)) if bright.size else 1.0
+    return encode_srgb(rgb / (white or 1.0)), white or 1.0
 
 
 def brdf_maps(value: BrdfMap) -> list[Figure]:
     """One disc for each light."""
-    shown, white = exposed(value)
+    shown, white = exposed(value.rgb)
     cells = [
         Markup('<div class="cell"><span>light {}</span><img alt="BRDF over all views" src="{}"></div>').format(
             _place(light), webp_uri(reduced(picture, most=PICTURE_PIXELS))

@@ -22,6 +22,7 @@ from pipeline.data import (
     OrientationMap,
     Periodicity,
     PeriodMap,
+    Pictures,
     PictureSeries,
     PolarizerResponse,
     PolarizerSequence,
@@ -31,6 +32,7 @@ from pipeline.report.brdf_maps import brdf_maps
 from pipeline.report.encoded import webp_uri
 from pipeline.report.heights import heights, periods
 from pipeline.report.inspections import drawn, inspection
+from pipeline.report.labelled_pictures import labelled_pictures
 from pipeline.report.maps import Scale, map_with_bar, marked, orientation_map, size_of, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import PICTURE_PIXELS, Figure, photos, pictures
@@ -224,6 +226,7 @@ DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     OrientationError: _error,
     PictureSeries: lambda value, _: pictures(value),
     BrdfMap: lambda value, _: brdf_maps(value),
+    Pictures: lambda value, _: labelled_pictures(value),
     PolarizerResponse: lambda value, _: responses(value),
     LineDeviation: lambda value, _: deviations(value),
     Defects: drawn,

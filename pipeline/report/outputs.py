@@ -26,6 +26,7 @@ from pipeline.data import (
     OrientationMap,
     Periodicity,
     PeriodMap,
+    Pictures,
     PictureSeries,
     PolarizerResponse,
     PolarizerSequence,
@@ -37,6 +38,7 @@ from pipeline.report.brdf_maps import exposed
 from pipeline.report.encoded import png
 from pipeline.report.exr import write_exr
 from pipeline.report.inspections import csv_of
+from pipeline.report.labelled_pictures import exposed_pictures
 from pipeline.report.maps import Scale, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import Figure
@@ -244,11 +246,19 @@ def _inspection(stem: Path, value: Inspection) -> Written:
 
 
 def _brdf(stem: Path, value: BrdfMap) -> Written:
-    shown, _ = exposed(value)
+    shown, _ = exposed(value.rgb)
     for k, (light, linear, picture) in enumerate(zip(value.light.tolist(), value.rgb, shown, strict=True)):
         place = stem.with_name(f"{stem.name}_{k}")
         channels = {name: linear[..., i] for i, name in enumerate("RGB")}
         yield _exr(place, channels, **{f"light_{axis}": part for axis, part in zip("xyz", light, strict=True)})
+        yield _png(place, picture)
+
+
+def _labelled(stem: Path, value: Pictures) -> Written:
+    shown, _ = exposed_pictures(value)
+    for k, (linear, picture) in enumerate(zip(value.rgb, shown, strict=True)):
+        place = stem.with_name(f"{stem.name}_{k}")
+        yield _exr(place, {name: linear[..., i] for i, name in enumerate("RGB")})
         yield _png(place, picture)
 
 
@@ -302,6 +312,7 @@ def _coloured(values: NDArray[np.floating], scale: Scale) -> NDArray[np.float32]
 WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     PolarizerSequence.__name__: _photos,
     BrdfMap.__name__: _brdf,
+    Pictures.__name__: _labelled,
     OrientationMap.__name__: _orientation,
     PeriodMap.__name__: _period,
     GratingSample.__name__: _sample,

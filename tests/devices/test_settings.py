@@ -29,6 +29,8 @@ EITHER_SIGN = {
     "fit.cosine": {"threshold"},
     "fit.jones": {"retardation_deg", "film_axis_deg", "threshold"},
     "fit.offset": {"known_deg"},
+    "render.brdf_map": {"light_azimuth_deg"},
+    "render.diffraction_shading": {"turn_deg", "light_azimuth_deg", "camera_azimuth_deg"},
     "simulate.blaze": {"orientation_deg"},
     "simulate.bumps": {"orientation_deg"},
     "simulate.cd_tracks": {"orientation_deg"},

@@ -30,13 +30,15 @@ def brdf_difference(estimate: BrdfMap, reference: BrdfMap) -> Metrics:
     Raises
     ------
     InputError
-        The maps differ in size or lights.
+        The maps differ in size or lights, or the reference is dark.
     """
     if estimate.rgb.shape != reference.rgb.shape or not np.allclose(estimate.light, reference.light):
         raise InputError("the maps differ in size or lights", expected="the same light_deg and size_px in both")
     first, second = estimate.rgb.astype(np.float64), reference.rgb.astype(np.float64)
     bright = second @ _LUMINANCE
-    usual = bright < np.percentile(bright[bright != 0], 99.5)
+    if not second.any():
+        raise InputError("the reference is dark", expected="light in some direction of the disc")
+    usual = bright < np.percentile(bright[second.any(axis=-1)], 99.5)
     difference = first - second
     rms, usual_rms = (np.sqrt((part[usual] ** 2).mean()) for part in (difference, second))
     return Metrics(

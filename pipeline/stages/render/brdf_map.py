@@ -8,18 +8,15 @@ from typing import Literal
 import numpy as np
 
 from pipeline.data import BrdfMap, HeightField, Periodicity
-from pipeline.devices.virtual_surface import check_recipe, recipe_of, responses
+from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses
 from pipeline.limits import above_zero, at_least, refuse, within
 from pipeline.optics.colour import FIRST_NM, LAST_NM, white_balanced_weights
 from pipeline.optics.diffraction.directions import disc_of_views, relative_gain, unit_vector
-from pipeline.optics.diffraction.evaluators import wavelength_step_nm
 
 _log = logging.getLogger(__name__)
 
 # Sums are float32, and processors add their terms in different orders.
 _tolerance_brdf_map = {"rgb": 1e-5}
-_STEP_ERROR = 1e-2
-_FINEST_NM, _COARSEST_NM = 0.25, 10.0
 
 
 def brdf_map(
@@ -97,12 +94,11 @@ def brdf_map(
     steps = []
     for picture, light in zip(rgb, lights, strict=True):
         directions = disc_of_views(light, size_px)
-        step = wavelength_step or float(
-            np.clip(wavelength_step_nm(directions, coherence_um, _STEP_ERROR, FIRST_NM), _FINEST_NM, _COARSEST_NM)
-        )
+        step = wavelength_step or automatic_step_nm(directions, coherence_um)
+        first = not steps
         steps.append(step)
         wavelength_nm, weights = white_balanced_weights(illuminant, step)
-        colour = responses(surface, recipe, directions, wavelength_nm, weights)
+        colour = responses(surface, recipe, directions, wavelength_nm, weights, tell=first)
         gain = relative_gain(directions, refractive_index=refractive_index, shadowed=shadowed)
         picture[:] = np.nan_to_num(np.moveaxis(colour, 0, -1) * gain[..., None].astype(np.float32))
     if wavelength_step is None:
