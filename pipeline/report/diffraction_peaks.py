@@ -10,14 +10,14 @@ from pipeline.optics.diffraction.order_peaks import order_angle
 from pipeline.report.encoded import png_uri
 from pipeline.report.maps import Scale, colour_bar
 from pipeline.report.pictures import Figure
-from pipeline.report.shades import colours, reduced
+from pipeline.report.shades import colours
 from pipeline.report.svg import Axes, Svg, room_for, ticks
 
-DECADES = 4.0
-"""Span of the colours, down from what is brighter than all but a few directions."""
-BRIGHTEST_PERCENTILE = 99.8
+DECADES = 3.5
+"""Span of the colours, down from the brightest peak."""
+MOST_ROWS = 720
 LEAST_RANGE_NM = 0.02
-SIDE, HEIGHT, TOP, BELOW, BESIDE = 430, 430, 24, 44, 70
+SIDE, HEIGHT, TOP, BELOW, BESIDE = 430, 430, 24, 44, 112
 LABEL = "wavelength (nm)"
 
 
@@ -34,8 +34,10 @@ def diffraction_peaks(value: DiffractionPeaks) -> list[Figure]:
 
 def _map(value: DiffractionPeaks) -> Figure:
     view_deg = np.rad2deg(value.view_rad)
-    power = np.log10(np.maximum(reduced(value.response.T[::-1]), np.finfo(np.float32).tiny))
-    high = float(np.percentile(power, BRIGHTEST_PERCENTILE))
+    every = -(-len(view_deg) // MOST_ROWS)
+    brightest = np.maximum.reduceat(value.response.T[::-1], np.arange(0, len(view_deg), every))
+    power = np.log10(np.maximum(brightest, np.finfo(np.float32).tiny))
+    high = float(np.log10(_brightest_peak(value)))
     scale = Scale("log₁₀ response", high - DECADES, high)
     marks = [(float(degrees), f"{degrees}".replace("-", "−")) for degrees in range(-80, 81, 20)]
     left = room_for(marks)
@@ -48,7 +50,7 @@ def _map(value: DiffractionPeaks) -> Figure:
         svg.path([axes.at(*point) for point in part], "order")
     for length, degrees in zip(value.wavelength_nm.tolist(), np.rad2deg(value.peak_rad).tolist(), strict=True):
         if np.isfinite(degrees):
-            svg.dot(*axes.at(length, degrees), 1.2, "maximum")
+            svg.dot(*axes.at(length, degrees), 1.0, "maximum")
     axes.frame()
     axes.label_x(LABEL)
     axes.label_y("angle of view (°)", marks)
@@ -68,6 +70,14 @@ def _map(value: DiffractionPeaks) -> Figure:
         f"{np.rad2deg(value.azimuth_rad):.4g}°, light at {np.rad2deg(value.light_rad):.4g}°, relative to a mirror; "
         f"angles of view are negative beyond the normal. {line}Evaluator: {value.evaluator}.",
     )
+
+
+def _brightest_peak(value: DiffractionPeaks) -> float:
+    """Response at the brightest of the order's peaks, or of all where there are none."""
+    found = np.flatnonzero(np.isfinite(value.peak_rad))
+    nearest = np.searchsorted(value.view_rad, value.peak_rad[found])
+    peaks = value.response[found, nearest] if found.size else value.response
+    return max(float(peaks.max()), float(np.finfo(np.float32).tiny))
 
 
 def _periods(value: DiffractionPeaks) -> Figure:

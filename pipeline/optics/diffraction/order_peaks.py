@@ -43,27 +43,26 @@ def strongest_ridge(
     order: int,
     light_rad: float,
     share: float,
+    least: float,
     sigma_per_um: float,
 ) -> float:
     """Period in um of the ridge over ``u / lambda`` that stands out most from what lies around it, NaN without any.
 
-    The mean of the response's logarithm over the wavelengths that reach a frequency is compared with its median within
-    ``share`` of that frequency. ``sigma_per_um`` is the window's standard deviation, which the mirror's light has too.
+    The mean of the response's logarithm over the wavelengths, at frequencies that all of them reach, is compared with
+    its median within ``share`` of each frequency. A response below ``least`` counts as that. ``sigma_per_um`` is the
+    window's standard deviation, which the mirror's light has too.
     """
     shift = np.sin(view_rad) + np.sin(light_rad)
-    farthest = float((np.sign(order) * shift).max()) / wavelength_um.min()
+    farthest = float((np.sign(order) * shift).max()) / wavelength_um.max()
     nearest = _MIRROR_WIDTHS * sigma_per_um
     if farthest <= nearest:
         return np.nan
     frequency = np.geomspace(nearest, farthest, _RIDGE_STEPS)
-    least = np.finfo(np.float32).tiny
     rows = [
-        np.interp(np.sign(order) * frequency, shift / length, np.log(np.maximum(row, least)), left=np.nan, right=np.nan)
+        np.interp(np.sign(order) * frequency, shift / length, np.log(np.maximum(row, least)))
         for row, length in zip(response, wavelength_um, strict=True)
     ]
-    known = np.isfinite(rows)
-    mean = np.where(known, rows, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    mean[~known.any(axis=0)] = np.log(least)
+    mean = np.mean(rows, axis=0)
     around = 2 * int(np.log1p(share) / np.log(frequency[1] / frequency[0])) + 1
     above = mean - ndimage.median_filter(mean, around, mode="nearest")
     inside = np.flatnonzero((mean[1:-1] > mean[:-2]) & (mean[1:-1] >= mean[2:])) + 1
@@ -82,6 +81,7 @@ def order_peaks(
     near_um: float,
     share: float,
     contrast: float,
+    least: float,
 ) -> tuple[Float64Array, Float64Array]:
     """The angle at which an order is brightest at each wavelength, and the middle of its line.
 
@@ -104,6 +104,8 @@ def order_peaks(
         The period is looked for within ``near_um (1 - share)`` and ``near_um (1 + share)``.
     contrast : float
         Least ratio of a peak to the median of the response within the same range.
+    least : float
+        Response that is told from none; a median below it counts as that.
 
     Returns
     -------
@@ -121,7 +123,7 @@ def order_peaks(
         if len(around) < 3:
             continue
         k = int(around[np.argmax(logs[i, around])])
-        if k in (around[0], around[-1]) or logs[i, k] - np.median(logs[i, around]) < np.log(contrast):
+        if k in (around[0], around[-1]) or logs[i, k] < np.log(contrast * max(np.median(response[i, around]), least)):
             continue
         top, bend = _vertex(shift[k - 1 : k + 2], logs[i, k - 1 : k + 2])
         peak[i] = top
@@ -140,7 +142,7 @@ def _slope(
 ) -> float:
     """Slope over ``sin(view)`` that an order's brightness gives the logarithm of the response."""
     at, brightness = [], []
-    for j in range(max(i - 1, 0), min(i + 2, len(logs))):
+    for j in range(len(logs))[max(0, min(i - 1, len(logs) - 3)) :][:3]:
         there = top * wavelength_um[j] / wavelength_um[i]
         if shift[1] <= there <= shift[-2] and abs(there - np.sin(light_rad)) < 1:
             k = int(np.clip(np.searchsorted(shift, there), 2, len(shift) - 2))
@@ -149,6 +151,7 @@ def _slope(
             brightness.append(float(np.polyval(np.polyfit(shift[part] - there, logs[j, part], 3), 0.0)))
     if len(at) < 2:
         return 0.0
-    over_q = (brightness[-1] - brightness[0]) / (at[-1] - at[0])
     sine = top - np.sin(light_rad)
+    here = -(np.cos(light_rad) + np.sqrt(1 - sine**2)) / wavelength_um[i]
+    over_q = np.polyfit(np.array(at) - here, brightness, len(at) - 1)[-2]
     return float(over_q * sine / np.sqrt(1 - sine**2) / wavelength_um[i])

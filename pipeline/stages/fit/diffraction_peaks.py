@@ -69,7 +69,7 @@ def diffraction_peaks(
     search_percent : float
         How far around it to look; at most half way to the next order.
     contrast : float
-        Least ratio of a peak to the median of the range.
+        Least ratio of a peak to the median of the range, or to ``tolerance^2`` where that is below it.
     line_middle : bool
         Whether to take the middle of the order's line for the period, which is beside the brightest angle because the
         order is not equally bright at all angles. Peaks stay the brightest angles.
@@ -114,9 +114,13 @@ def diffraction_peaks(
             order=order,
             light_rad=light_rad,
             share=share,
+            least=tolerance**2,
             sigma_per_um=frequency_sigma(coherence_um),
         )
-        _log.info("No period is known in the plane of incidence; the strongest ridge is at %.4g um.", near)
+        if np.isnan(near):
+            _log.warning("No ridge of order %d leaves the surface at all wavelengths.", order)
+        else:
+            _log.info("No period is known in the plane of incidence; the strongest ridge is at %.4g um.", near)
     peak_rad, middle_rad = order_peaks(
         response,
         view_rad,
@@ -126,10 +130,11 @@ def diffraction_peaks(
         near_um=near,
         share=share,
         contrast=contrast,
+        least=tolerance**2,
     )
     period = order_period(middle_rad if line_middle else peak_rad, wavelength_nm / 1000, order, light_rad)
     missing = int(np.isnan(period).sum())
-    if missing:
+    if missing and np.isfinite(near):
         _log.warning(
             "At %d of %d wavelengths no peak of order %d stands out: none within %.3g percent of %.4g um is %g times "
             "as bright as the median of that range.",
