@@ -51,3 +51,11 @@ def test_slits(results: Path) -> None:
     assert done.metrics["fringe_mm"] == pytest.approx(1.6667, rel=1e-4)
     written = {p.name for p in done.path.glob("outputs/*")}
     assert {"slits.csv", "slits.exr", "slits.png", "slits_intensity.svg", "slits_colours.svg"} <= written
+
+
+def test_the_study_tables_periods_by_surface_and_evaluator(results: Path) -> None:
+    words = ["surface=blaze,cosine", "graph.fit.evaluator=chebyshev,pq", *COARSE, f"paths.runs={results}"]
+    done = pipeline.sweep("diffraction_periods", words)
+    assert [point.settings["surface"] for point in done.points] == ["blaze", "blaze", "cosine", "cosine"]
+    assert [row["period_um"] for row in done.table()] == pytest.approx([2.5] * 4, rel=4e-4)
+    assert [row["spectrum_period_um"] for row in done.table()] == [2.5] * 4

@@ -15,7 +15,7 @@ def test_the_sources_figure() -> None:
     found = slits()
     assert found.slits.tolist() == [1, 2, 3, 4, 5, 6, 7]
     assert found.metrics["fringe_mm"] == pytest.approx(500 / np.sqrt(300**2 - 1), rel=1e-6)
-    assert found.metrics["dark_mm"] == pytest.approx(500 / np.sqrt(60**2 - 1), rel=1e-6)
+    assert found.metrics["one_slit_dark_mm"] == pytest.approx(500 / np.sqrt(60**2 - 1), rel=1e-6)
     tops, _ = find_peaks(found.intensity[6], height=0.06)
     expected = np.arange(-3, 4) * found.metrics["fringe_mm"]
     assert found.position_mm[tops] == pytest.approx(expected, abs=0.03)

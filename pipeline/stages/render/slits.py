@@ -46,7 +46,7 @@ def slits(
     Returns
     -------
     SlitPatterns
-        With the figures ``fringe_mm``, the distance of the first maximum from the middle, and ``dark_mm``, that of the
+        With the figures ``fringe_mm``, the distance of the first maximum from the middle, and ``one_slit_dark_mm``, that of the
         first minimum of a single slit.
 
     Raises
@@ -75,7 +75,7 @@ def slits(
         f"Slits {slit_um:g} um wide and {separation_um:g} um apart, seen {distance_m:g} m behind them",
         {
             "fringe_mm": _on_screen(wavelength_nm / 1000 / separation_um, distance_mm),
-            "dark_mm": _on_screen(wavelength_nm / 1000 / slit_um, distance_mm),
+            "one_slit_dark_mm": _on_screen(wavelength_nm / 1000 / slit_um, distance_mm),
         },
     )
 
