@@ -58,6 +58,25 @@ def test_the_middle_of_the_line_is_exact_where_its_brightest_angle_is_not(sawtoo
     assert brightest.period_um == pytest.approx(brightest.wavelength_nm / 1000 / sines, rel=1e-12)
 
 
+@pytest.mark.parametrize("evaluator", ["direct", "nufft"])
+def test_the_defining_sum_says_the_same(evaluator) -> None:
+    if evaluator == "nufft":
+        pytest.importorskip("finufft")
+    made = blaze(period_um=2.5, depth_um=0.246, size_um=5, pitch_um=0.125)
+    small = {
+        "coherence_um": 20,
+        "contrast": 1.5,
+        "wavelength_step": 100,
+        "angle_step_deg": 1,
+        "near_um": 2.5,
+        "tolerance": 1e-5,
+    }
+    fast, defined = (diffraction_peaks(made, evaluator=name, **small) for name in ("chebyshev", evaluator))
+    assert defined.response == pytest.approx(fast.response, abs=1e-4)
+    assert defined.period_um == pytest.approx(fast.period_um, rel=1e-5)
+    assert defined.metrics["peaks"] == 5
+
+
 @pytest.mark.usefixtures("maps")
 def test_the_published_tile_is_met_though_the_interpolation_between_its_lines_is_coarse() -> None:
     tile = published_height_map(name="blaze_tile")

@@ -46,8 +46,8 @@ def slits(
     Returns
     -------
     SlitPatterns
-        With the figures ``fringe_mm``, the distance of the first maximum from the middle, and ``one_slit_dark_mm``, that of the
-        first minimum of a single slit.
+        With the figures ``fringe_mm``, the distance of the first maximum from the middle, and ``one_slit_dark_mm``,
+        that of the first minimum of a single slit.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def slits(
         np.asarray(one, np.float32),
         np.asarray(white, np.float32),
         wavelength_nm,
-        f"Slits {slit_um:g} um wide and {separation_um:g} um apart, seen {distance_m:g} m behind them",
+        f"Slits {slit_um:g} µm wide and {separation_um:g} µm apart, seen {distance_m:g} m behind them",
         {
             "fringe_mm": _on_screen(wavelength_nm / 1000 / separation_um, distance_mm),
             "one_slit_dark_mm": _on_screen(wavelength_nm / 1000 / slit_um, distance_mm),
