@@ -41,6 +41,12 @@ def white_balanced_weights(light: Spectrum, step_nm: float) -> tuple[Float64Arra
     return wavelength, weights
 
 
+def spectral_colour(wavelength_nm: float) -> Float64Array:
+    """Linear sRGB of light of one wavelength, shape (3,), its largest part 1; what no display can show is clipped."""
+    rgb = np.clip(_colour_matching(np.array([wavelength_nm]))[0] @ _xyz_to_srgb().T, 0.0, None)
+    return np.asarray(rgb / rgb.max())
+
+
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
     """Encode linear sRGB for a display (IEC 61966-2-1); what a display cannot show is clipped."""
     clipped = np.clip(linear, 0.0, 1.0).astype(np.float32)

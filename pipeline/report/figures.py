@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pipeline.data import (
     BrdfMap,
     Defects,
+    DiffractionPeaks,
     GratingSample,
     HeightField,
     Inspection,
@@ -26,9 +27,11 @@ from pipeline.data import (
     PictureSeries,
     PolarizerResponse,
     PolarizerSequence,
+    SlitPatterns,
 )
 from pipeline.optics.colour import encode_srgb
 from pipeline.report.brdf_maps import brdf_maps
+from pipeline.report.diffraction_peaks import diffraction_peaks
 from pipeline.report.encoded import webp_uri
 from pipeline.report.heights import heights, periods
 from pipeline.report.inspections import drawn, inspection
@@ -39,6 +42,7 @@ from pipeline.report.pictures import PICTURE_PIXELS, Figure, photos, pictures
 from pipeline.report.response_curves import response_curves
 from pipeline.report.responses import deviations, responses
 from pipeline.report.shades import reduced
+from pipeline.report.slit_patterns import slit_patterns
 
 CLIPPED_AT = 99
 """Percentile of the error's size at which its colours end."""
@@ -233,5 +237,7 @@ DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     Inspection: inspection,
     HeightField: lambda value, _: heights(value),
     Periodicity: lambda value, _: periods(value),
+    DiffractionPeaks: lambda value, _: diffraction_peaks(value),
+    SlitPatterns: lambda value, _: slit_patterns(value),
     Metrics: lambda *_: [],
 }

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pipeline.data import (
     BrdfMap,
     Defects,
+    DiffractionPeaks,
     GratingSample,
     HeightField,
     Inspection,
@@ -30,11 +31,13 @@ from pipeline.data import (
     PictureSeries,
     PolarizerResponse,
     PolarizerSequence,
+    SlitPatterns,
 )
 from pipeline.errors import PipelineError
 from pipeline.optics.colour import encode_srgb
 from pipeline.parallel import threads
 from pipeline.report.brdf_maps import exposed
+from pipeline.report.diffraction_peaks import grating_angles
 from pipeline.report.encoded import png
 from pipeline.report.exr import write_exr
 from pipeline.report.inspections import csv_of
@@ -44,6 +47,7 @@ from pipeline.report.naming import labelled
 from pipeline.report.pictures import Figure
 from pipeline.report.responses import shown_rows
 from pipeline.report.shades import colours, orientation_colours, reduced
+from pipeline.report.slit_patterns import strips
 from pipeline.report.svg import standalone
 from pipeline.report.view import RunView
 from pipeline.storage.files import write_bytes, write_text
@@ -283,6 +287,34 @@ def _periods(stem: Path, value: Periodicity) -> Written:
     yield _csv(stem, columns)
 
 
+def _diffraction_peaks(stem: Path, value: DiffractionPeaks) -> Written:
+    view_deg = np.rad2deg(value.view_rad)
+    yield _exr(
+        stem,
+        {"response": value.response},
+        first_wavelength_nm=float(value.wavelength_nm[0]),
+        last_wavelength_nm=float(value.wavelength_nm[-1]),
+        first_view_deg=float(view_deg[0]),
+        last_view_deg=float(view_deg[-1]),
+        light_deg=float(np.rad2deg(value.light_rad)),
+        azimuth_deg=float(np.rad2deg(value.azimuth_rad)),
+    )
+    columns = {
+        "wavelength_nm": value.wavelength_nm,
+        "peak_deg": np.rad2deg(value.peak_rad),
+        "period_um": value.period_um,
+        "grating_deg": np.rad2deg(grating_angles(value)),
+    }
+    yield _csv(stem, columns)
+
+
+def _slits(stem: Path, value: SlitPatterns) -> Written:
+    named = zip(value.slits.tolist(), value.intensity, strict=True)
+    yield _csv(stem, {"position_mm": value.position_mm, **{f"intensity_{count}": line for count, line in named}})
+    yield _exr(stem, {name: value.white_rgb[..., i] for i, name in enumerate("RGB")})
+    yield _png(stem, strips(value))
+
+
 def _exr(stem: Path, channels: dict[str, NDArray[Any]], **attributes: float | None) -> Path:
     path = stem.with_name(f"{stem.name}.exr")
     write_exr(path, channels, attributes)
@@ -324,4 +356,6 @@ WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     Inspection.__name__: _inspection,
     HeightField.__name__: _heights,
     Periodicity.__name__: _periods,
+    DiffractionPeaks.__name__: _diffraction_peaks,
+    SlitPatterns.__name__: _slits,
 }

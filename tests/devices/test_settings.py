@@ -27,6 +27,7 @@ EITHER_SIGN = {
     "capture.polarizer_sequence": {"span_deg", "step_deg"},
     "fit.auto": {"film_axis_deg", "threshold"},
     "fit.cosine": {"threshold"},
+    "fit.diffraction_peaks": {"azimuth_deg", "order"},
     "fit.jones": {"retardation_deg", "film_axis_deg", "threshold"},
     "fit.offset": {"known_deg"},
     "render.brdf_map": {"light_azimuth_deg"},

@@ -6,7 +6,7 @@ import colour
 import numpy as np
 import pytest
 
-from pipeline.optics.colour import encode_srgb, white_balanced_weights
+from pipeline.optics.colour import encode_srgb, spectral_colour, white_balanced_weights
 
 
 @pytest.mark.parametrize("light", ["D65", "A", "inverse A", "E"])
@@ -49,3 +49,10 @@ def test_encoding_is_srgb() -> None:
     linear = np.linspace(0, 1, 101)
     np.testing.assert_allclose(encode_srgb(linear), colour.cctf_encoding(linear, function="sRGB"), atol=1e-6)
     np.testing.assert_allclose(encode_srgb(np.array([-1.0, 2.0])), [0, 1], atol=1e-7)
+
+
+def test_one_wavelength_is_seen_in_its_hue_as_bright_as_a_display_can() -> None:
+    """Monochromatic light lies outside sRGB: 500 nm lacks red, 620 nm blue (CIE 1931)."""
+    assert spectral_colour(500).tolist() == pytest.approx([0, 1, 0.362], abs=0.001)
+    assert spectral_colour(620)[[0, 2]].tolist() == [1, 0]
+    assert spectral_colour(450).argmax() == 2
