@@ -91,7 +91,7 @@ def brdf_map(
     recipe = recipe_of(evaluator, coherence_um, tolerance, terms, periods)
     lights = unit_vector(np.deg2rad(light_deg), np.deg2rad(light_azimuth_deg))
     rgb = np.zeros((len(lights), size_px, size_px, 3), np.float32)
-    steps = []
+    steps: list[float] = []
     for picture, light in zip(rgb, lights, strict=True):
         directions = disc_of_views(light, size_px)
         step = wavelength_step or automatic_step_nm(directions, coherence_um)
