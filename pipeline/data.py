@@ -373,12 +373,15 @@ class BrdfMap:
         How the response was found.
     caption : str
         Of what surface.
+    metrics : dict of str to float
+        Figures for the table: each name ends in its unit, where it has one.
     """
 
     rgb: FloatArray
     light: FloatArray
     evaluator: str = ""
     caption: str = ""
+    metrics: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

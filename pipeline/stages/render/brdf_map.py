@@ -8,15 +8,17 @@ from typing import Literal
 import numpy as np
 
 from pipeline.data import BrdfMap, HeightField, Periodicity
-from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses
+from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, patch_of, recipe_of, responses
 from pipeline.limits import above_zero, at_least, refuse, within
 from pipeline.optics.colour import FIRST_NM, LAST_NM, white_balanced_weights
 from pipeline.optics.diffraction.directions import disc_of_views, relative_gain, unit_vector
+from pipeline.optics.diffraction.evaluators import terms_and_error
 
 _log = logging.getLogger(__name__)
 
 # Sums are float32, and processors add their terms in different orders.
-_tolerance_brdf_map = {"rgb": 1e-5}
+_tolerance_brdf_map = {"rgb": 1e-5, "metrics": 1e-4}
+_NONSENSE = 1e9
 
 
 def brdf_map(
@@ -77,7 +79,8 @@ def brdf_map(
     Returns
     -------
     BrdfMap
-        Linear sRGB of shape (lights, size, size, 3).
+        Linear sRGB of shape (lights, size, size, 3), with the figures ``brdf_largest``, ``wavelength_step_nm``,
+        ``terms`` and ``amplitude_error_bound``, what the terms leave of the amplitude at worst.
 
     Raises
     ------
@@ -91,7 +94,8 @@ def brdf_map(
     recipe = recipe_of(evaluator, coherence_um, tolerance, terms, periods)
     lights = unit_vector(np.deg2rad(light_deg), np.deg2rad(light_azimuth_deg))
     rgb = np.zeros((len(lights), size_px, size_px, 3), np.float32)
-    steps: list[float] = []
+    patch = patch_of(surface)
+    steps, metrics = list[float](), dict[str, float]()
     for picture, light in zip(rgb, lights, strict=True):
         directions = disc_of_views(light, size_px)
         step = wavelength_step or automatic_step_nm(directions, coherence_um)
@@ -99,11 +103,17 @@ def brdf_map(
         steps.append(step)
         wavelength_nm, weights = white_balanced_weights(illuminant, step)
         colour = responses(surface, recipe, directions, wavelength_nm, weights, tell=first)
+        if (needed := terms_and_error(recipe, patch, directions, wavelength_nm / 1000)) is not None:
+            metrics["terms"] = max(metrics.get("terms", 0.0), needed[0])
+            bound = max(metrics.get("amplitude_error_bound", 0.0), needed[1])
+            metrics["amplitude_error_bound"] = min(bound, _NONSENSE)
         gain = relative_gain(directions, refractive_index=refractive_index, shadowed=shadowed)
         picture[:] = np.nan_to_num(np.moveaxis(colour, 0, -1) * gain[..., None].astype(np.float32))
     if wavelength_step is None:
         _log.info("Wavelength steps of %s nm show every order.", ", ".join(f"{step:.2g}" for step in steps))
-    return BrdfMap(rgb, lights, evaluator, surface.caption)
+    metrics["brdf_largest"] = float(rgb.max())
+    metrics["wavelength_step_nm"] = min(steps)
+    return BrdfMap(rgb, lights, evaluator, surface.caption, metrics)
 
 
 def _check_brdf_map(
