@@ -44,8 +44,8 @@ def test_figure_14_keeps_the_line_without_a_film_and_loses_it_as_zeta_nears_180_
 
 
 def test_figure_15_takes_metals_and_given_ratios_over_the_birefringence(tmp_path: Path) -> None:
-    done = swept(tmp_path, "figure_15", "surface=aluminium,figure_15d", "graph.response.retardation_deg=3,10")
-    found = {(row["surface"], row["graph.response.retardation_deg"]): row for row in done.table()}
+    done = swept(tmp_path, "figure_15", "reflector=aluminium,figure_15d", "graph.response.retardation_deg=3,10")
+    found = {(row["reflector"], row["graph.response.retardation_deg"]): row for row in done.table()}
     assert len(found) == 4
     assert found["figure_15d", "3"]["deviation_mean_deg"] == pytest.approx(32, rel=0.01)
     assert found["figure_15d", "3"]["prenormalized_deviation_mean_deg"] < 0.05
@@ -58,11 +58,11 @@ def test_figure_15_takes_metals_and_given_ratios_over_the_birefringence(tmp_path
 def test_figure_15_sweeps_all_of_its_surfaces_and_figure_14_all_metals() -> None:
     of = {name: yaml.safe_load(options("experiment")[name].read_text()) for name in ("figure_14", "figure_15")}
     swept_in = {name: content["hydra"]["sweeper"]["params"] for name, content in of.items()}
-    surfaces = of["figure_15"]["surfaces"]
-    assert swept_in["figure_15"]["surface"].split(",") == list(surfaces)
+    surfaces = of["figure_15"]["reflectors"]
+    assert swept_in["figure_15"]["reflector"].split(",") == list(surfaces)
     assert set(METALS) == {surface["metal"] for surface in surfaces.values()} - {None}
     assert set(METALS) == set(swept_in["figure_14"]["graph.response.metal"].split(",")) - {"null"}
     for surface, expected in surfaces.items():
         if surface.startswith("figure"):
-            node = Experiment.load(["+experiment=figure_15", f"surface={surface}"]).graph.nodes["response"]
+            node = Experiment.load(["+experiment=figure_15", f"reflector={surface}"]).graph.nodes["response"]
             assert {name: node.settings[name] for name in expected} == expected
