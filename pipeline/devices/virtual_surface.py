@@ -29,8 +29,8 @@ _TILE = 64
 _ROUNDED = 1.0001
 _STEP_ERROR = 1e-2
 _FINEST_NM, _COARSEST_NM = 0.25, 10.0
-_SEAM = 3.0
-"""Times the usual step of neighbours by which a tile that does not fit itself jumps at its border."""
+_SEAM = 2.0
+"""Times the largest step inside by which a tile that does not fit itself jumps at its border."""
 
 
 def recipe_of(
@@ -181,17 +181,17 @@ def _warn(
         jump = _seam(patch.height_um)
         if jump > _SEAM:
             _log.warning(
-                "The surface does not repeat, and the tile jumps at its border by %.1f times what neighbours differ: "
+                "The surface does not repeat, and the tile jumps at its border by %.1f times its largest step inside: "
                 "that diffracts along the axes.",
                 jump,
             )
 
 
 def _seam(height_um: NDArray[np.float64]) -> float:
-    """Root mean square step across the border over that of neighbours inside, the larger of both axes."""
+    """Root mean square step across the border over the largest such step inside, the larger of both axes."""
     ratios = []
     for axis in (0, 1):
         step = np.diff(height_um, axis=axis, append=np.take(height_um, [0], axis=axis))
         rms = np.sqrt((step**2).mean(axis=1 - axis))
-        ratios.append(float(rms[-1] / max(np.sqrt((rms[:-1] ** 2).mean()), 1e-12)))
+        ratios.append(float(rms[-1] / max(rms[:-1].max(), 1e-12)))
     return max(ratios)
