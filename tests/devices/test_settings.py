@@ -21,7 +21,14 @@ from pipeline.graph.catalog import Catalog, Entry
 
 CATALOG = Catalog(Sources())
 RIG = PolarizationBench(camera=Camera(), mount=SimulatedRotationMount(), light=Panel())
-GIVEN = {"electrons": 10_000.0, "lights_mm": [[100.0, 0.0, 300.0]], "rig": RIG, "pitch_um": 0.1, "name": "elaphe"}
+GIVEN = {
+    "width_um": 1.0,
+    "electrons": 10_000.0,
+    "lights_mm": [[100.0, 0.0, 300.0]],
+    "rig": RIG,
+    "pitch_um": 0.1,
+    "name": "elaphe",
+}
 OPTICS = {"phase_deg", "retardation_deg", "film_axis_deg"}
 EITHER_SIGN = {
     "capture.polarizer_sequence": {"span_deg", "step_deg"},
