@@ -58,6 +58,14 @@ def test_a_mirror_at_normal_incidence_has_gain_one_and_grazing_views_stay_finite
     assert np.nanmax(gain) < np.nanmax(relative_gain(disc, shadowed=False))
 
 
+def test_a_mirror_at_any_angle_has_its_reflectance_once() -> None:
+    """At the mirror's direction ``(1 + cos 2 t)^2 / (4 cos^3 t) = cos t``, times Schlick's reflectance over that at 0."""
+    theta = np.deg2rad([[0.0, 30.0, 60.0, 80.0]])
+    mirrored = Directions(unit_vector(theta), unit_vector(theta, np.pi))
+    reflectance = 0.04 + 0.96 * (1 - np.cos(theta)) ** 5
+    np.testing.assert_allclose(relative_gain(mirrored, shadowed=False), np.cos(theta) * reflectance / 0.04)
+
+
 def test_schlick_is_the_normal_reflectance_head_on_and_one_at_grazing() -> None:
     theta = np.array([[0.0, np.pi / 2 - 1e-9]])
     mirrored = Directions(unit_vector(theta), unit_vector(theta, np.pi))
