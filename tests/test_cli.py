@@ -37,6 +37,13 @@ def test_a_run_prints_figures_counts_and_the_report(command: Command) -> None:
     assert "0 stages run, 4 from the store" in out
 
 
+def test_a_sweep_prints_what_stages_warn_of_and_not_their_notes(command: Command) -> None:
+    status, _, err = command("-m", "+experiment=toy", "graph.big.factor=2,3")
+    assert status == 0
+    assert "made of nothing" in err
+    assert " rows" not in err
+
+
 def test_experiment_without_plus_is_understood(command: Command) -> None:
     assert command("experiment=toy")[0] == 0
 

@@ -12,7 +12,7 @@ from numpy.polynomial import chebyshev as polynomials
 
 from pipeline.optics.diffraction.chebyshev import degree_for
 from pipeline.optics.diffraction.directions import Directions, disc_of_views, relative_gain, schlick, unit_vector
-from pipeline.optics.diffraction.taylor import taylor_terms
+from pipeline.optics.diffraction.taylor import taylor_error, taylor_terms
 
 
 @given(st.floats(0, 40), st.sampled_from([1e-2, 1e-4, 1e-6, 1e-9]))
@@ -34,6 +34,15 @@ def test_taylor_terms_hold_their_tolerance(phase: float, tolerance: float) -> No
     count = taylor_terms(phase, tolerance)
     left = sum((1j * phase) ** n / math.factorial(n) for n in range(count, min(count + 60, 165)))
     assert abs(left) <= tolerance * 1.001
+
+
+@pytest.mark.parametrize("phase", [5.0, 20.0, 40.0])
+def test_taylor_terms_that_cancel_err_within_the_bound_and_not_far_below(phase: float) -> None:
+    total, term = 0j, 1 + 0j
+    for n in range(1, 300):
+        total, term = total + term, term * 1j * phase / n
+    error = abs(total - np.exp(1j * phase))
+    assert taylor_error(phase, 299) / 1e3 < error < taylor_error(phase, 299)
 
 
 @pytest.mark.parametrize(("terms", "published"), [(20, 2.9950e-4), (25, 8.8150e-8), (30, 1.0050e-11)])
@@ -59,7 +68,7 @@ def test_a_mirror_at_normal_incidence_has_gain_one_and_grazing_views_stay_finite
 
 
 def test_a_mirror_at_any_angle_has_its_reflectance_once() -> None:
-    """At the mirror's direction ``(1 + cos 2 t)^2 / (4 cos^3 t) = cos t``, times Schlick's reflectance over that at 0."""
+    """At its direction ``(1 + cos 2 t)^2 / (4 cos^3 t) = cos t``, times Schlick's reflectance over its own at 0."""
     theta = np.deg2rad([[0.0, 30.0, 60.0, 80.0]])
     mirrored = Directions(unit_vector(theta), unit_vector(theta, np.pi))
     reflectance = 0.04 + 0.96 * (1 - np.cos(theta)) ** 5
