@@ -19,7 +19,7 @@ from collections.abc import Callable
 import numpy as np
 import polanalyser as pa
 
-from pipeline.data import PolarizerSequence
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.optics.angles import axial_difference
 from pipeline.optics.harmonic import fit_rows, harmonic_fit
 from pipeline.optics.response_curve import FilmedGrating, relative_stokes

@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import PeriodMap
+from pipeline.data.gratings import PeriodMap
 
 
 def make(*, size: int = 8, seed: int = 0) -> PeriodMap:

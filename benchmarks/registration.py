@@ -32,7 +32,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.data import GratingSample, PolarizerSequence
+from pipeline.data.gratings import GratingSample
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.devices.simulated import Camera, Panel, PolarizationBench
 from pipeline.optics.registration import Motions
 from pipeline.optics.rigid import RigidMotion

@@ -15,7 +15,9 @@ from subprocess import DEVNULL
 import numpy as np
 import pytest
 
-from pipeline.data import Metrics, OrientationMap, PictureSeries
+from pipeline.data.gratings import OrientationMap
+from pipeline.data.metrics import Metrics
+from pipeline.data.pictures import PictureSeries
 from pipeline.errors import InputError
 from pipeline.meshes import as_mesh
 from pipeline.runs import open_run

@@ -73,7 +73,7 @@ def test_prose_reruns_nothing_and_why_says_so(toys: Toys) -> None:
 def test_a_helpers_formula_reruns_exactly_what_imports_it(toys: Toys) -> None:
     other = toys.stages.with_name("other.py")
     other.write_text(
-        "from __future__ import annotations\n\nfrom pipeline.data import PeriodMap\n\n\n"
+        "from __future__ import annotations\n\nfrom pipeline.data.gratings import PeriodMap\n\n\n"
         'def same(maps: PeriodMap) -> PeriodMap:\n    """Give back."""\n    return maps\n'
     )
     toys.graph(

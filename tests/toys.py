@@ -36,7 +36,8 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.data import Metrics, OrientationMap, PeriodMap
+from pipeline.data.gratings import OrientationMap, PeriodMap
+from pipeline.data.metrics import Metrics
 from pipeline.parallel import threads
 from toybench.arithmetic import scaled
 
@@ -119,7 +120,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import Photo
+from pipeline.data.photographs import Photo
 from pipeline.devices.protocols import Light
 from pipeline.errors import InputError
 
@@ -157,7 +158,7 @@ class Webcam:
 CAPTURE = '''
 from __future__ import annotations
 
-from pipeline.data import PeriodMap
+from pipeline.data.gratings import PeriodMap
 from pipeline.devices.protocols import Camera
 from pipeline.errors import InputError
 

@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import PeriodMap
+from pipeline.data.gratings import PeriodMap
 
 
 def start(*, number: float = 0.0) -> PeriodMap:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.data import PictureSeries, PolarizerSequence
+from pipeline.data.photographs import PolarizerSequence
+from pipeline.data.pictures import PictureSeries
 from pipeline.errors import InputError
 from pipeline.runs import Run
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import GratingSample
+from pipeline.data.gratings import GratingSample
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, zero_or_more
 from pipeline.optics.drawing import Drawing

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from pipeline.data import Photo
+from pipeline.data.photographs import Photo
 from pipeline.devices.photo_files import DISPLAY_SUFFIXES, RAW_SUFFIXES, read_photo
 from pipeline.errors import DeviceError, InputError, nearest
 from pipeline.limits import above_zero, refuse

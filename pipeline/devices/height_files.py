@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO
 from numpy.typing import NDArray
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.devices.instrument_files import read_instrument_file
 from pipeline.devices.photo_files import RAW_SUFFIXES, read_photo, readable_suffixes
 from pipeline.errors import InputError, nearest

@@ -20,7 +20,7 @@ from typing import Any
 
 import yaml
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.devices.capture_yaml import CAPTURE_FILE
 from pipeline.devices.height_files import MapDescription, read_height_file
 from pipeline.devices.yaml_reader import YamlReader, root_of

@@ -7,7 +7,8 @@ from contextlib import AbstractContextManager, ExitStack
 from types import TracebackType
 from typing import Literal, Self
 
-from pipeline.data import GratingSample, Photo
+from pipeline.data.gratings import GratingSample
+from pipeline.data.photographs import Photo
 from pipeline.devices.photo_files import Channel, channel_of
 from pipeline.devices.protocols import Camera, Light, RotationMount
 from pipeline.errors import InputError

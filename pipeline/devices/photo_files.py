@@ -11,7 +11,7 @@ import numpy as np
 import OpenImageIO
 from numpy.typing import NDArray
 
-from pipeline.data import Photo
+from pipeline.data.photographs import Photo
 from pipeline.devices.file_extent import is_cut_short
 from pipeline.errors import InputError, nearest
 

@@ -12,7 +12,8 @@ import OpenImageIO
 import yaml
 from numpy.typing import NDArray
 
-from pipeline.data import PictureSeries, PolarizerSequence
+from pipeline.data.photographs import PolarizerSequence
+from pipeline.data.pictures import PictureSeries
 from pipeline.devices.capture_yaml import CAPTURE_FILE, KIND
 from pipeline.devices.decimal_angles import degrees_of
 from pipeline.devices.point_light_folder import KIND as POINT_LIGHT

@@ -26,7 +26,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from pipeline.data import Photo, PictureSeries
+from pipeline.data.photographs import Photo
+from pipeline.data.pictures import PictureSeries
 from pipeline.devices.capture_yaml import CAPTURE_FILE
 from pipeline.devices.photo_files import read_photo
 from pipeline.devices.yaml_reader import YamlReader, described, root_of

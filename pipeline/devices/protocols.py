@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
 
-from pipeline.data import GratingSample, Photo
+from pipeline.data.gratings import GratingSample
+from pipeline.data.photographs import Photo
 
 
 @runtime_checkable

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import SIMULTANEOUS, Photo
+from pipeline.data.photographs import SIMULTANEOUS, Photo
 from pipeline.devices.capture_yaml import Capture, PhotoEntry
 from pipeline.devices.photo_files import Channel, channel_of, read_photo
 from pipeline.errors import InputError

@@ -12,7 +12,8 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import GratingSample, Photo
+from pipeline.data.gratings import GratingSample
+from pipeline.data.photographs import Photo
 from pipeline.devices.angle_names import capture_from_names
 from pipeline.devices.capture_yaml import CAPTURE_FILE, Capture, read_capture_yaml
 from pipeline.devices.photo_files import DISPLAY_SUFFIXES, readable_suffixes

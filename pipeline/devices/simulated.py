@@ -10,7 +10,8 @@ from typing import Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import GratingSample, Photo
+from pipeline.data.gratings import GratingSample
+from pipeline.data.photographs import Photo
 from pipeline.devices import protocols
 from pipeline.devices.virtual_sample import SampleUnderPanel, sample_pixels_across
 from pipeline.errors import InputError

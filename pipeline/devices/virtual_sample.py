@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import FloatArray, GratingSample
+from pipeline.data.arrays import FloatArray
+from pipeline.data.gratings import GratingSample
 from pipeline.errors import InputError
 from pipeline.optics.jones import stokes_parameters
 from pipeline.parallel import over_rows

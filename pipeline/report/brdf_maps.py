@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from pipeline.data import BrdfMap
+from pipeline.data.diffraction import BrdfMap
 from pipeline.optics.colour import encode_srgb
 from pipeline.report.encoded import webp_uri
 from pipeline.report.pictures import PICTURE_PIXELS, Figure

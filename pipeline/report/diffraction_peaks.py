@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import DiffractionPeaks
+from pipeline.data.diffraction import DiffractionPeaks
 from pipeline.optics.diffraction.order_peaks import order_angle
 from pipeline.report.encoded import png_uri
 from pipeline.report.maps import Scale, colour_bar

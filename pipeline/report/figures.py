@@ -10,25 +10,14 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from pipeline.data import (
-    BrdfMap,
-    Defects,
-    DiffractionPeaks,
-    GratingSample,
-    HeightField,
-    Inspection,
-    LineDeviation,
-    Metrics,
-    OrientationError,
-    OrientationMap,
-    Periodicity,
-    PeriodMap,
-    Pictures,
-    PictureSeries,
-    PolarizerResponse,
-    PolarizerSequence,
-    SlitPatterns,
-)
+from pipeline.data.diffraction import BrdfMap, DiffractionPeaks, SlitPatterns
+from pipeline.data.gratings import GratingSample, OrientationError, OrientationMap, PeriodMap
+from pipeline.data.height_fields import HeightField, Periodicity
+from pipeline.data.inspection import Defects, Inspection
+from pipeline.data.metrics import Metrics
+from pipeline.data.photographs import PolarizerSequence
+from pipeline.data.pictures import Pictures, PictureSeries
+from pipeline.data.polarization import LineDeviation, PolarizerResponse
 from pipeline.optics.colour import encode_srgb
 from pipeline.report.brdf_maps import brdf_maps
 from pipeline.report.diffraction_peaks import diffraction_peaks

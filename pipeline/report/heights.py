@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from pipeline.data import HeightField, Periodicity
+from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.report.maps import Mark, Scale, map_with_bar, size_of, spread
 from pipeline.report.pictures import Figure
 from pipeline.report.svg import Axes, Svg, room_for, ticks

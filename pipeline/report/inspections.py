@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 from scipy import ndimage
 
-from pipeline.data import Defects, Inspection
+from pipeline.data.inspection import Defects, Inspection
 from pipeline.report.maps import Mark, Scale, map_with_bar, orientation_map, size_of
 from pipeline.report.pictures import Figure
 

@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from pipeline.data import Pictures
+from pipeline.data.pictures import Pictures
 from pipeline.report.brdf_maps import exposed
 from pipeline.report.encoded import webp_uri
 from pipeline.report.pictures import PICTURE_PIXELS, Figure

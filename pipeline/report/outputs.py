@@ -15,24 +15,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import (
-    BrdfMap,
-    Defects,
-    DiffractionPeaks,
-    GratingSample,
-    HeightField,
-    Inspection,
-    LineDeviation,
-    OrientationError,
-    OrientationMap,
-    Periodicity,
-    PeriodMap,
-    Pictures,
-    PictureSeries,
-    PolarizerResponse,
-    PolarizerSequence,
-    SlitPatterns,
-)
+from pipeline.data.diffraction import BrdfMap, DiffractionPeaks, SlitPatterns
+from pipeline.data.gratings import GratingSample, OrientationError, OrientationMap, PeriodMap
+from pipeline.data.height_fields import HeightField, Periodicity
+from pipeline.data.inspection import Defects, Inspection
+from pipeline.data.photographs import PolarizerSequence
+from pipeline.data.pictures import Pictures, PictureSeries
+from pipeline.data.polarization import LineDeviation, PolarizerResponse
 from pipeline.errors import PipelineError
 from pipeline.optics.colour import encode_srgb
 from pipeline.parallel import threads

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader
 
-from pipeline.data import PictureSeries
+from pipeline.data.pictures import PictureSeries
 from pipeline.errors import PipelineError
 from pipeline.parallel import threads
 from pipeline.report.figures import figures_of

@@ -9,7 +9,8 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from pipeline.data import PictureSeries, PolarizerSequence
+from pipeline.data.photographs import PolarizerSequence
+from pipeline.data.pictures import PictureSeries
 from pipeline.optics.colour import encode_srgb
 from pipeline.report.encoded import webp_uri
 from pipeline.report.maps import marked

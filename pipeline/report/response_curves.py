@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import OrientationMap
+from pipeline.data.gratings import OrientationMap
 from pipeline.optics.response_curve import FilmedGrating, response_curve
 from pipeline.report.encoded import png_uri
 from pipeline.report.maps import BELOW, SIDE, TOP

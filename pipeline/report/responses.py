@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from pipeline.data import LineDeviation, PolarizerResponse
+from pipeline.data.polarization import LineDeviation, PolarizerResponse
 from pipeline.optics.row_maxima import normalized_rows
 from pipeline.report.encoded import png_uri
 from pipeline.report.maps import BELOW, SIDE, TOP, Scale, colour_bar, spread

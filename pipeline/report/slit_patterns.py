@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from pipeline.data import SlitPatterns
+from pipeline.data.diffraction import SlitPatterns
 from pipeline.optics.colour import encode_srgb, spectral_colour
 from pipeline.report.encoded import png_uri
 from pipeline.report.pictures import Figure

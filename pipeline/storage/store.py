@@ -15,7 +15,9 @@ import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
@@ -49,14 +51,14 @@ REMEMBERED_BYTES = 65_536
 @cache
 def data_types() -> dict[str, type]:
     """Classes that a stored value may have."""
-    import inspect
-
     import pipeline.data
 
+    modules = [import_module(f"pipeline.data.{found.name}") for found in iter_modules(pipeline.data.__path__)]
     return {
         name: kind
-        for name, kind in inspect.getmembers(pipeline.data, inspect.isclass)
-        if kind.__module__ == pipeline.data.__name__
+        for module in modules
+        for name, kind in vars(module).items()
+        if isinstance(kind, type) and kind.__module__ == module.__name__
     }
 
 

@@ -16,7 +16,8 @@ from toys import Toys
 
 from pipeline.bench import Experiment, carry_out, plan_of
 from pipeline.codebase import freshness
-from pipeline.data import Metrics, Photo
+from pipeline.data.metrics import Metrics
+from pipeline.data.photographs import Photo
 from pipeline.errors import InputError, InputErrors
 from pipeline.execution.executors import executor_of
 from pipeline.execution.outcome import Silent
@@ -60,8 +61,8 @@ def test_an_edit_is_run_by_the_process_that_imported_the_code_before_it(toys: To
 
 def test_an_edit_of_the_bench_itself_asks_for_a_new_process(toys: Toys, monkeypatch: pytest.MonkeyPatch) -> None:
     toys.run()
-    monkeypatch.setitem(freshness._seen, "pipeline.data", "as it was")
-    with pytest.raises(InputError, match=r"the code of pipeline.data changed[\s\S]*restart Python"):
+    monkeypatch.setitem(freshness._seen, "pipeline.data.gratings", "as it was")
+    with pytest.raises(InputError, match=r"the code of pipeline\.data\.gratings changed[\s\S]*restart Python"):
         loaded(toys, "graph.big.factor=9").run(Silent())
 
 

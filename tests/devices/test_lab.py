@@ -11,7 +11,8 @@ import pytest
 from virtual_camera import COLUMNS, ROWS, VirtualCamera, connected
 
 from pipeline.bench import Experiment
-from pipeline.data import GratingSample, Photo
+from pipeline.data.gratings import GratingSample
+from pipeline.data.photographs import Photo
 from pipeline.devices.gphoto_camera import GphotoCamera
 from pipeline.devices.lab import ManualLight, PolarizationBench
 from pipeline.devices.protocols import Camera, Light, PolarizationRig

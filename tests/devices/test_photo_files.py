@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from photo_makers import write_dng, write_image
 
-from pipeline.data import Photo
+from pipeline.data.photographs import Photo
 from pipeline.devices.photo_files import channel_of, read_photo, readable_suffixes
 from pipeline.errors import InputError
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from photo_makers import write_image
 
-from pipeline.data import PictureSeries
+from pipeline.data.pictures import PictureSeries
 from pipeline.devices.photo_folder_writer import write_point_light
 from pipeline.devices.point_light_folder import read_point_light_folder, read_point_light_yaml
 from pipeline.errors import InputError, InputErrors

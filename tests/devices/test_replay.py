@@ -17,7 +17,8 @@ from hypothesis.extra import numpy as npst
 from numpy.typing import NDArray
 from photo_makers import write_image
 
-from pipeline.data import GratingSample, PolarizerSequence
+from pipeline.data.gratings import GratingSample
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.devices.photo_folder_writer import write_polarizer_sequence
 from pipeline.devices.protocols import Camera, PolarizationRig, RotationMount
 from pipeline.devices.replay import PhotoFolder

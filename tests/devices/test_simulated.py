@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.data import GratingSample
+from pipeline.data.gratings import GratingSample
 from pipeline.devices.protocols import PolarizationRig
 from pipeline.devices.rotation_mount import SimulatedRotationMount
 from pipeline.devices.simulated import Camera, Panel, PolarizationBench

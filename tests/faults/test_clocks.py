@@ -30,7 +30,7 @@ STAGE = '''
 from __future__ import annotations
 
 from drillbench.stages.drill.maps import note
-from pipeline.data import Photo
+from pipeline.data.photographs import Photo
 
 
 def times(maps: Photo, *, label: str, factor: float = 1.0) -> Photo:

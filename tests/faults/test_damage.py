@@ -14,7 +14,7 @@ import pytest
 from workshop import Tally, Workshop
 
 from pipeline.bench import Experiment
-from pipeline.data import Photo, PolarizerPhoto
+from pipeline.data.photographs import Photo, PolarizerPhoto
 from pipeline.execution.outcome import Silent
 from pipeline.graph.compose import compose, remember
 from pipeline.graph.config import Configuration

@@ -28,7 +28,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.data import Metrics, PeriodMap, Photo
+from pipeline.data.gratings import PeriodMap
+from pipeline.data.metrics import Metrics
+from pipeline.data.photographs import Photo
 
 
 def note(word: str) -> None:
@@ -99,7 +101,7 @@ from math import degrees
 import numpy as np
 
 from drillbench.stages.drill.maps import note
-from pipeline.data import Photo
+from pipeline.data.photographs import Photo
 from pipeline.devices.rotation_mount import SimulatedRotationMount
 from pipeline.errors import DeviceError
 

@@ -9,17 +9,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.data import (
-    GratingSample,
-    LineDeviation,
-    Metrics,
-    OrientationError,
-    OrientationMap,
-    PeriodMap,
-    PictureSeries,
-    PolarizerResponse,
-    PolarizerSequence,
-)
+from pipeline.data.gratings import GratingSample, OrientationError, OrientationMap, PeriodMap
+from pipeline.data.metrics import Metrics
+from pipeline.data.photographs import PolarizerSequence
+from pipeline.data.pictures import PictureSeries
+from pipeline.data.polarization import LineDeviation, PolarizerResponse
 
 SIDE = 40
 PIXEL_MM = 0.1

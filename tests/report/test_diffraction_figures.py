@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pipeline.data import DiffractionPeaks, SlitPatterns
+from pipeline.data.diffraction import DiffractionPeaks, SlitPatterns
 from pipeline.optics.diffraction.order_peaks import order_angle
 from pipeline.report.figures import figures_of
 from pipeline.report.outputs import WRITERS

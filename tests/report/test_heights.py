@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-import pipeline.data
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.report.figures import figures_of
 from pipeline.report.outputs import WRITERS
 from pipeline.stages.fit.periodicity import periodicity
@@ -63,7 +62,7 @@ def test_the_files_hold_the_heights_and_the_pitch(tmp_path: Path) -> None:
 def test_the_store_gives_back_what_it_got(tmp_path: Path) -> None:
     description, arrays = content_of(field())
     write_artifact(tmp_path, description, arrays)
-    back = read_artifact(tmp_path, {"HeightField": pipeline.data.HeightField}, artifact=digest_of(description))
+    back = read_artifact(tmp_path, {"HeightField": HeightField}, artifact=digest_of(description))
     np.testing.assert_array_equal(back.height_um, field().height_um)
     assert (back.pitch_um, back.periodic, back.caption) == (0.065, False, "A made-up ramp")
 

@@ -8,7 +8,8 @@ import re
 
 import numpy as np
 
-from pipeline.data import Defects, Inspection, OrientationMap
+from pipeline.data.gratings import OrientationMap
+from pipeline.data.inspection import Defects, Inspection
 from pipeline.report.figures import figures_of
 from pipeline.report.inspections import csv_of
 from pipeline.report.outputs import WRITERS

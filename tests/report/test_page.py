@@ -13,7 +13,8 @@ from html_reading import Page, decoded
 from made_up_run import FakeNode, FakeRun, Unknown
 
 import pipeline.report
-from pipeline.data import Metrics, OrientationError, OrientationMap, PeriodMap
+from pipeline.data.gratings import OrientationError, OrientationMap, PeriodMap
+from pipeline.data.metrics import Metrics
 from pipeline.report.page import page
 
 

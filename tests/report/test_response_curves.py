@@ -8,7 +8,7 @@ import re
 import cv2
 import numpy as np
 
-from pipeline.data import OrientationMap
+from pipeline.data.gratings import OrientationMap
 from pipeline.optics.response_curve import FilmedGrating, relative_stokes
 from pipeline.report.figures import figures_of
 from pipeline.report.response_curves import response_curves

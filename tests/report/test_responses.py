@@ -9,7 +9,7 @@ import pytest
 from html_reading import decoded
 from made_up_run import line_deviation, polarizer_response
 
-from pipeline.data import LineDeviation
+from pipeline.data.polarization import LineDeviation
 from pipeline.report.responses import deviations, responses, shown_rows
 from pipeline.report.shades import GROUND
 

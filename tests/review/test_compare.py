@@ -11,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.data import Metrics, OrientationError, OrientationMap, PeriodMap, Photo, PolarizerPhoto, PolarizerSequence
+from pipeline.data.gratings import OrientationError, OrientationMap, PeriodMap
+from pipeline.data.metrics import Metrics
+from pipeline.data.photographs import Photo, PolarizerPhoto, PolarizerSequence
 from pipeline.errors import InputError
 from pipeline.review.compare import Difference, checked_tolerance, compare
 from pipeline.storage.keys import digest

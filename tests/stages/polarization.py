@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import PolarizerSequence
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.optics.imaging import area_average, seen_by_lens
 from pipeline.optics.jones import polarizer_response
 

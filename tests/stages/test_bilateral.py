@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from polarization import at_centres, facets, photographed
 
-from pipeline.data import OrientationMap
+from pipeline.data.gratings import OrientationMap
 from pipeline.errors import InputError
 from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.stages.extract.bilateral import bilateral

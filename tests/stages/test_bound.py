@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline.data import GratingSample, OrientationMap, PolarizerSequence
+from pipeline.data.gratings import GratingSample, OrientationMap
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.errors import InputError, InputErrors
 from pipeline.optics.response_curve import FilmedGrating, orientation_bound, response_curve
 from pipeline.stages.evaluate.bound import bound

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.data import HeightField, Periodicity
+from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.errors import InputError
 from pipeline.optics.colour import white_balanced_weights
 from pipeline.stages.evaluate.brdf_difference import brdf_difference

@@ -9,7 +9,7 @@ import polanalyser
 import pytest
 
 import pipeline
-from pipeline.data import PolarizerSequence
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.errors import InputError, InputErrors
 from pipeline.optics.angles import axial_difference, axial_mean, axial_median
 from pipeline.optics.jones import polarizer_response

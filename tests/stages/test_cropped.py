@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.errors import InputError
 from pipeline.stages.extract.cropped import cropped
 

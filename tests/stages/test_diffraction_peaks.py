@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.errors import InputError, InputErrors
 from pipeline.stages.capture.published_height_map import published_height_map
 from pipeline.stages.fit.diffraction_peaks import _check_diffraction_peaks, diffraction_peaks

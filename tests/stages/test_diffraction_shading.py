@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.errors import InputError, InputErrors
 from pipeline.optics.diffraction.directions import unit_vector
 from pipeline.optics.diffraction.patch import frequency_sigma

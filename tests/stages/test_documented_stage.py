@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline.data import PeriodMap
+from pipeline.data.gratings import PeriodMap
 from pipeline.errors import InputError
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "adding-a-stage.md"

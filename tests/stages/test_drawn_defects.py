@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.data import GratingSample
+from pipeline.data.gratings import GratingSample
 from pipeline.errors import InputError, InputErrors
 from pipeline.optics.angles import axial_difference
 from pipeline.stages.simulate.damaged import damaged

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.data import GratingSample, OrientationMap, PeriodMap
+from pipeline.data.gratings import GratingSample, OrientationMap, PeriodMap
 from pipeline.errors import InputError
 from pipeline.stages.evaluate.orientation import orientation
 from pipeline.stages.evaluate.period import period

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from pipeline.data import PolarizerSequence
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.errors import InputError, InputErrors
 from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.optics.curve_search import rival_turn

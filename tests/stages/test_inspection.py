@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from polarization import OVER, photographed
 
-from pipeline.data import Defects, GratingSample, Inspection, OrientationMap
+from pipeline.data.gratings import GratingSample, OrientationMap
+from pipeline.data.inspection import Defects, Inspection
 from pipeline.errors import InputError, InputErrors
 from pipeline.stages.evaluate.defects import defects as compared_with_truth
 from pipeline.stages.evaluate.inspection import inspection

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.errors import InputError
 from pipeline.optics.levelling import plane, row_medians, row_polynomials, taper
 from pipeline.stages.align.despiked import despiked

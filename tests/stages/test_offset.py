@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from polarization import OVER, at_centres, facets
 
-from pipeline.data import GratingSample, OrientationMap, PeriodMap, PictureSeries
+from pipeline.data.gratings import GratingSample, OrientationMap, PeriodMap
+from pipeline.data.pictures import PictureSeries
 from pipeline.errors import InputError
 from pipeline.optics.angles import axial_difference
 from pipeline.stages.capture.point_light import point_light

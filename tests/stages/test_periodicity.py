@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from pipeline.data import HeightField, Periodicity
+from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.errors import InputError
 from pipeline.stages.capture.published_height_map import published_height_map
 from pipeline.stages.fit.periodicity import periodicity

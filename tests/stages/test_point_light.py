@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import jv
 
-from pipeline.data import OrientationMap, PeriodMap
+from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.devices.virtual_light import Lighting, render_sheet, render_supersampled
 from pipeline.errors import InputError
 from pipeline.optics.colour import white_balanced_weights

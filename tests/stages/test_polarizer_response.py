@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.codebase.source import Sources
-from pipeline.data import PolarizerResponse
+from pipeline.data.polarization import PolarizerResponse
 from pipeline.errors import InputError, InputErrors
 from pipeline.graph.catalog import Catalog
 from pipeline.optics.fresnel import zeroth_order_ratio

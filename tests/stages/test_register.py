@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from polarization import at_centres, facets, photographed, spiral
 
 import pipeline.stages.align.register as module
-from pipeline.data import SIMULTANEOUS, PolarizerSequence
+from pipeline.data.photographs import SIMULTANEOUS, PolarizerSequence
 from pipeline.devices.simulated import Camera, Panel, PolarizationBench
 from pipeline.errors import InputError, InputErrors
 from pipeline.optics.angles import axial_difference, axial_median

@@ -10,7 +10,7 @@ from polarization import facets, photographed
 from scipy import ndimage
 
 import pipeline.stages.align._edge_motions as edge_motions
-from pipeline.data import PolarizerSequence
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.optics.coarse_registration import Start
 from pipeline.optics.rigid import RigidMotion
 from pipeline.stages.align.register import register

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from polarization import OVER, at_centres, facets, photographed
 
-from pipeline.data import GratingSample, OrientationMap
+from pipeline.data.gratings import GratingSample, OrientationMap
 from pipeline.errors import InputError
 from pipeline.stages.evaluate.period import period as evaluate_period
 from pipeline.stages.extract.relative_period import relative_period

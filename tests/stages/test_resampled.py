@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.errors import InputError
 from pipeline.stages.extract.resampled import resampled
 from pipeline.stages.simulate.cosine_grating import cosine_grating

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline.data import GratingSample
+from pipeline.data.gratings import GratingSample
 from pipeline.errors import InputError
 from pipeline.optics.angles import axial_difference
 from pipeline.stages.simulate.banknote_emblem import banknote_emblem

@@ -8,7 +8,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.errors import InputError, InputErrors
 from pipeline.stages.simulate.blaze import blaze
 from pipeline.stages.simulate.bumps import bumps

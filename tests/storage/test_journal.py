@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.data import Photo
+from pipeline.data.photographs import Photo
 from pipeline.storage.journal import Journal
 from pipeline.storage.store import data_types
 

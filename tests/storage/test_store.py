@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from toys import Toys
 
-from pipeline.data import Metrics, PeriodMap, PolarizerSequence
+from pipeline.data.gratings import PeriodMap
+from pipeline.data.metrics import Metrics
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.errors import PipelineError
 from pipeline.storage.artifact import META, DamagedArtifact, digest_of, read_description
 from pipeline.storage.store import Store

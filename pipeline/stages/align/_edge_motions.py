@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import BoolArray
+from pipeline.data.arrays import BoolArray
 from pipeline.optics.coarse_registration import Start, coarse_motion, coarse_turn, edge_images
 from pipeline.optics.edge_patches import edge_coefficients
 from pipeline.optics.motion_choice import Choice, chosen_motions

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.limits import above_zero, refuse, within
 from pipeline.optics.spikes import spikes
 

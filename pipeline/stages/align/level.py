@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.limits import refuse, within
 from pipeline.optics.levelling import lines_jump, plane, row_polynomials, rows_repeat, without_slope_and_medians
 

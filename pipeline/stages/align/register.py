@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.data import SIMULTANEOUS, BoolArray, PolarizerSequence
+from pipeline.data.arrays import BoolArray
+from pipeline.data.photographs import SIMULTANEOUS, PolarizerSequence
 from pipeline.limits import above_zero, refuse, zero_or_more
 from pipeline.optics.coarse_registration import coarse_motion
 from pipeline.optics.intensity_registration import ecc_motion, gradient_image, phase_correlation_motion

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.devices.height_files import MapDescription, read_height_file
 from pipeline.devices.height_folder import read_height_folder
 from pipeline.limits import above_zero, refuse

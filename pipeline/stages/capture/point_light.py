@@ -7,7 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.data import GratingSample, PictureSeries
+from pipeline.data.gratings import GratingSample
+from pipeline.data.pictures import PictureSeries
 from pipeline.devices.simulated import DEEPEST_BITS, LARGEST_WELL
 from pipeline.devices.virtual_light import Lighting, check_lighting, render_supersampled, white_level
 from pipeline.devices.virtual_sample import sample_pixels_across

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import FloatArray, GratingSample, PolarizerPhoto, PolarizerSequence
+from pipeline.data.arrays import FloatArray
+from pipeline.data.gratings import GratingSample
+from pipeline.data.photographs import PolarizerPhoto, PolarizerSequence
 from pipeline.devices.protocols import PolarizationRig
 from pipeline.errors import InputError
 from pipeline.limits import at_least, refuse

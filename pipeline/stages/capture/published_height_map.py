@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.devices.height_files import MapDescription, read_height_file
 from pipeline.devices.published_maps import PUBLISHED, published_file
 from pipeline.limits import above_zero, refuse

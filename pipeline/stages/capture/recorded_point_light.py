@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.data import PictureSeries
+from pipeline.data.pictures import PictureSeries
 from pipeline.devices.point_light_folder import read_point_light_folder
 
 

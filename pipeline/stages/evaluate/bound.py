@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import GratingSample, Metrics, PolarizerSequence
+from pipeline.data.gratings import GratingSample
+from pipeline.data.metrics import Metrics
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, refuse
 from pipeline.optics.response_curve import FilmedGrating, orientation_bound, response_curve

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import BrdfMap, Metrics
+from pipeline.data.diffraction import BrdfMap
+from pipeline.data.metrics import Metrics
 from pipeline.errors import InputError
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import GratingSample, Metrics, OrientationMap
+from pipeline.data.gratings import GratingSample, OrientationMap
+from pipeline.data.metrics import Metrics
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, refuse
 from pipeline.optics.angles import axial_difference, axial_median

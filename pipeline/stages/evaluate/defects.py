@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.data import BoolArray, Defects, Inspection, Metrics
+from pipeline.data.arrays import BoolArray
+from pipeline.data.inspection import Defects, Inspection
+from pipeline.data.metrics import Metrics
 from pipeline.errors import InputError
 from pipeline.limits import refuse, zero_or_more
 from pipeline.optics.angles import axial_difference

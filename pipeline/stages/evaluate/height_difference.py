@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import HeightField, Metrics
+from pipeline.data.height_fields import HeightField
+from pipeline.data.metrics import Metrics
 from pipeline.errors import InputError
 
 _tolerance_height_difference = {"metrics": 1e-3}

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import Defects, Inspection, OrientationMap, PeriodMap
+from pipeline.data.gratings import OrientationMap, PeriodMap
+from pipeline.data.inspection import Defects, Inspection
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, refuse, within, zero_or_more
 from pipeline.optics.deviation import deviation, expected_extreme

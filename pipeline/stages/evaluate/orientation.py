@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import GratingSample, OrientationError, OrientationMap
+from pipeline.data.gratings import GratingSample, OrientationError, OrientationMap
 from pipeline.errors import InputError
 from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.optics.sampling import at_pixel_centres

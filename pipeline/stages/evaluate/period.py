@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import GratingSample, Metrics, PeriodMap
+from pipeline.data.gratings import GratingSample, PeriodMap
+from pipeline.data.metrics import Metrics
 from pipeline.errors import InputError
 from pipeline.optics.sampling import at_pixel_centres
 

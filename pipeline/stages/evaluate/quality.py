@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import Metrics, OrientationMap
+from pipeline.data.gratings import OrientationMap
+from pipeline.data.metrics import Metrics
 
 # What maps whose correlations are equal within 1e-5 may give.
 _tolerance_quality = {"metrics": 1e-5}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import FloatArray, LineDeviation, PolarizerResponse
+from pipeline.data.arrays import FloatArray
+from pipeline.data.polarization import LineDeviation, PolarizerResponse
 from pipeline.errors import InputError
 from pipeline.optics.row_maxima import deviation_from_branches, deviation_from_line, winding
 from pipeline.optics.row_maxima import row_maxima as maxima_of

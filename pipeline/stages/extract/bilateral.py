@@ -8,7 +8,7 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import OrientationMap
+from pipeline.data.gratings import OrientationMap
 from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
 from pipeline.optics.angles import wrap_axial
 from pipeline.optics.bilateral import average_rows, pivot_rows

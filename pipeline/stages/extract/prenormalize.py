@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pipeline.data import PolarizerResponse
+from pipeline.data.polarization import PolarizerResponse
 from pipeline.optics.row_maxima import ROUNDING, row_maxima
 
 _tolerance_prenormalize = {"intensity": 1e-9, "row_maximum_rad": 1e-6, "offset_rad": 1e-6}

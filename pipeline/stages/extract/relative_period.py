@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
 
-from pipeline.data import OrientationMap, PeriodMap
+from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
 from pipeline.optics.median import median_rows

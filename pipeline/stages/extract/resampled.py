@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, refuse
 from pipeline.optics import height_sampling

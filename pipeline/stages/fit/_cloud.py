@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from pipeline.data import PolarizerSequence
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.optics.curve_search import NAMES, CurveFit, Points, find_curve
 from pipeline.optics.harmonic import HarmonicFit, harmonic_fit
 from pipeline.optics.photo_errors import PhotographErrors, odd_photographs, photograph_errors

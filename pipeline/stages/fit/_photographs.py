@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 
-from pipeline.data import BoolArray, FloatArray, PolarizerSequence
+from pipeline.data.arrays import BoolArray, FloatArray
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.errors import InputError
 from pipeline.optics.harmonic import HarmonicFit, harmonic_fit
 from pipeline.optics.threshold import two_modes

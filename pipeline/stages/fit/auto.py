@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pipeline.data import OrientationMap, PolarizerSequence
+from pipeline.data.gratings import OrientationMap
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.limits import above_zero, at_least, refuse, zero_or_more
 from pipeline.optics.angles import axial_difference, axial_median
 from pipeline.optics.curve_reading import orientation_gradient

@@ -7,7 +7,9 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import BoolArray, FloatArray, OrientationMap, PolarizerSequence
+from pipeline.data.arrays import BoolArray, FloatArray
+from pipeline.data.gratings import OrientationMap
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.limits import refuse, zero_or_more
 from pipeline.optics.harmonic import HarmonicFit, empty_maps, fit_rows, mask_rows, sum_rows
 from pipeline.parallel import over_rows

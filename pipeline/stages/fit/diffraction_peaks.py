@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.data import DiffractionPeaks, HeightField, Periodicity
+from pipeline.data.diffraction import DiffractionPeaks
+from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.devices.virtual_surface import check_recipe, recipe_of, responses
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, at_least, refuse, within

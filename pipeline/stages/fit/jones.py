@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pipeline.data import OrientationMap, PolarizerSequence
+from pipeline.data.gratings import OrientationMap
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, at_least, refuse, within, zero_or_more
 from pipeline.optics.curve_reading import Reading, orientation_gradient, read_rows, reading

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from pipeline.data import OrientationMap, PeriodMap, PictureSeries
+from pipeline.data.gratings import OrientationMap, PeriodMap
+from pipeline.data.pictures import PictureSeries
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within, zero_or_more
 from pipeline.optics.angles import axial_difference, wrap_axial

@@ -7,7 +7,7 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import HeightField, Periodicity
+from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.errors import InputError
 from pipeline.limits import at_least, refuse, within
 from pipeline.optics.levelling import plane

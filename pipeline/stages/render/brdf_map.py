@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.data import BrdfMap, HeightField, Periodicity
+from pipeline.data.diffraction import BrdfMap
+from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, patch_of, recipe_of, responses
 from pipeline.limits import above_zero, at_least, refuse, within
 from pipeline.optics.colour import FIRST_NM, LAST_NM, white_balanced_weights

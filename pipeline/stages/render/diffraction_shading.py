@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.data import HeightField, Periodicity, Pictures
+from pipeline.data.height_fields import HeightField, Periodicity
+from pipeline.data.pictures import Pictures
 from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within

@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.data import OrientationMap, PeriodMap, PictureSeries
+from pipeline.data.gratings import OrientationMap, PeriodMap
+from pipeline.data.pictures import PictureSeries
 from pipeline.devices.virtual_light import Lighting, check_lighting, render_sheet, white_level
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import SlitPatterns
+from pipeline.data.diffraction import SlitPatterns
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, at_least, refuse, within
 from pipeline.optics.colour import FIRST_NM, LAST_NM, white_balanced_weights

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.limits import refuse
 from pipeline.optics import surfaces
 from pipeline.stages.simulate._surfaces import repeated, undirected, unmakeable

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, refuse
 from pipeline.optics import surfaces

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.errors import InputError
 from pipeline.limits import above_zero_up_to, refuse, zero_or_more
 from pipeline.optics.surfaces import CHANNEL_BIT_UM, LONGEST_RUN, pit_marks, pits

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import GratingSample
+from pipeline.data.gratings import GratingSample
 from pipeline.devices.drawn_sample import blank, foreseen, undrawable
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, refuse, within, zero_or_more

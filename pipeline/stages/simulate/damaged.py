@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.data import Defects, GratingSample
+from pipeline.data.gratings import GratingSample
+from pipeline.data.inspection import Defects
 from pipeline.errors import InputError
 from pipeline.optics.angles import wrap_axial
 

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.data import BoolArray, Defects, GratingSample
+from pipeline.data.arrays import BoolArray
+from pipeline.data.gratings import GratingSample
+from pipeline.data.inspection import Defects
 from pipeline.errors import InputError, nearest
 from pipeline.limits import above_zero, refuse, zero_or_more
 from pipeline.optics.regions import described

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.data import GratingSample
+from pipeline.data.gratings import GratingSample
 from pipeline.devices.drawn_sample import blank, drawn_sample, foreseen, undrawable
 from pipeline.errors import InputError
 from pipeline.limits import refuse

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import GratingSample
+from pipeline.data.gratings import GratingSample
 from pipeline.devices.drawn_sample import blank, drawn_sample, foreseen, undrawable
 from pipeline.limits import above_zero, refuse
 from pipeline.optics.drawing import Drawing, Map, Point, azimuth, polar, star

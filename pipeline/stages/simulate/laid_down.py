@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.data import FloatArray, GratingSample
+from pipeline.data.arrays import FloatArray
+from pipeline.data.gratings import GratingSample
 from pipeline.limits import refuse, within
 from pipeline.optics.angles import wrap_axial
 from pipeline.optics.rigid import RigidMotion

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from pipeline.data import PolarizerSequence
+from pipeline.data.photographs import PolarizerSequence
 from pipeline.limits import refuse, zero_or_more
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.data import PolarizerResponse
+from pipeline.data.polarization import PolarizerResponse
 from pipeline.limits import refuse, within
 from pipeline.optics import jones
 from pipeline.optics.fresnel import zeroth_order_ratio

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data import HeightField
+from pipeline.data.height_fields import HeightField
 from pipeline.limits import refuse, within, zero_or_more
 
 Float64Array = NDArray[np.float64]

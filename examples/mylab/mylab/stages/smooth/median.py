@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mylab.windows import windows
-from pipeline.data import OrientationMap
+from pipeline.data.gratings import OrientationMap
 from pipeline.errors import InputError
 
 
