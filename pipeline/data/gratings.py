@@ -9,6 +9,9 @@ import numpy as np
 
 from pipeline.data.arrays import BoolArray, FloatArray
 
+PARAMETER = "parameter_"
+"""What precedes the name of a map's parameter among the attributes of its EXR file."""
+
 
 @dataclass(frozen=True, eq=False)
 class GratingSample:
