@@ -119,7 +119,7 @@ def colour_table(
     highest = highest_order(periods_um[1], first, occurring.across)
     # Straight lines between nodes err by h^2 / 8 of the second derivative; a quarter of the tolerance for each axis.
     part = np.sqrt(2 * tolerance)
-    wavelength = _axis(max(first - REACH * wide, 0.05), last + REACH * wide, part * _COLOUR_UM)
+    wavelength = _axis(first - REACH * wide, last + REACH * wide, part * _COLOUR_UM)
     s = _axis(narrow, wide, part * _WIDTH_UM)
     w = _axis(*occurring.w, part * 2 * first / (2 * np.pi * max(depth_um, 1e-6)))
     added = _axis(np.sqrt(least), np.sqrt(most), part * 2 * per_um * MIDDLE_UM)

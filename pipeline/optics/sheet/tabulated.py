@@ -159,9 +159,14 @@ def _shade(
             _find_zeroth(lit_run, cell_w, count, cell, lit, zeroth_steps, added_axis, distance_axis, per_um)
             _look_up(zeroth, cell, zeroth_steps[0], zeroth_steps[1], lit, count, lit_run, colour)
             for m in range(1, orders.size // steps[0] + 1):
-                if most > _f(m) * violet and least < _f(m) * red:
-                    _find_order(m, lit_run, cell_w, count, cell, lit, steps, s_axis, wavelength_axis, per_um)
-                    _look_up(orders, cell, steps[1], steps[2], lit, count, lit_run, colour)
+                for order in (_f(m), _f(-m)):
+                    ends = least / order, most / order
+                    if max(ends) > violet and min(ends) < red:
+                        base = (m - 1) * steps[0]
+                        _find_order(
+                            order, base, lit_run, cell_w, count, cell, lit, steps, s_axis, wavelength_axis, per_um
+                        )
+                        _look_up(orders, cell, steps[1], steps[2], lit, count, lit_run, colour)
             for k in range(count):
                 column, gain = start + which[k], lit_run[GAIN, k]
                 for channel in range(3):
@@ -215,10 +220,19 @@ def _find_zeroth(
 
 @_fast
 def _find_order(
-    m: int, run: Any, cell_w: Any, count: int, cell: Any, lit: Any, steps: Any, s_axis: Any, axis: Any, per_um: Any
+    order: Any,
+    base: Any,
+    run: Any,
+    cell_w: Any,
+    count: int,
+    cell: Any,
+    lit: Any,
+    steps: Any,
+    s_axis: Any,
+    axis: Any,
+    per_um: Any,
 ) -> None:
-    """Where in its table the order m of each pixel lies, and whether it reaches the eye."""
-    base, order = (m - 1) * steps[0], _f(m)
+    """Where in its table, which starts at ``base``, an order of each pixel lies, and whether it reaches the eye."""
     for k in range(count):
         wavelength = run[_PERIOD, k] * run[U, k] / order
         square = (per_um * wavelength) ** 2
