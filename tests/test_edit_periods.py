@@ -21,6 +21,8 @@ from pipeline.stages.simulate.circles import circles
 NEEDED = {
     "file": ["graph.orientation.file=map.npy", "graph.period.file=map.npy"],
     "run": ["graph.orientation.file=runs/x"],
+    "vector": ["graph.sample.file=design.svg"],
+    "grey": ["graph.sample.file=design.png"],
 }
 
 
@@ -34,7 +36,7 @@ def edited(tmp_path_factory: pytest.TempPathFactory) -> Run:
 def test_every_option_gives_the_two_maps(maps: str) -> None:
     nodes = Experiment.load(["+experiment=edit_periods", f"maps={maps}", *NEEDED.get(maps, [])]).graph.nodes
     assert (nodes["orientation"].entry.type, nodes["period"].entry.type) == ("OrientationMap", "PeriodMap")
-    assert ("sample" in nodes) == (maps not in NEEDED)
+    assert ("sample" in nodes) == (maps not in ("file", "run"))
 
 
 def test_the_files_of_maps_have_to_be_named() -> None:
