@@ -162,11 +162,11 @@ def _check_settings(
         problems,
         zero_or_more(blur_px=blur_px),
         within(0, 1, least_gradient=least_gradient),
-        above_zero(period_um=period_um),
+        above_zero(period_um=period_um, pixel_mm=pixel_mm),
         undrawable(
-            width_mm=pixel_mm,
+            width_mm=1.0,
             margin_mm=0.0,
-            pixel_mm=pixel_mm,
+            pixel_mm=1.0,  # as many points as the picture has pixels
             depth_um=depth_um,
             amplitude_ratio=amplitude_ratio,
             ground_reflectance=ground_reflectance,
