@@ -184,3 +184,15 @@ def test_what_is_no_design_is_refused(draw, tmp_path: Path) -> None:
         vector_design(file=tmp_path / "broken.svg")
     with pytest.raises(InputError, match=r"there is no file brken.svg[\s\S]*did you mean 'broken.svg'"):
         vector_design(file=tmp_path / "brken.svg")
+
+
+def test_the_documented_design_is_drawn(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "maps.md").read_text()
+    (tmp_path / "design.svg").write_text(text.partition("```svg\n")[2].partition("```")[0])
+    sample = vector_design(file=tmp_path / "design.svg", pixel_mm=0.05)
+    assert sample.orientation_rad.shape == (500, 800)
+    assert degrees(sample, 7, 2.5) == pytest.approx(90, abs=1.5)
+    assert np.isnan(degrees(sample, 7, 7))
+    assert degrees(sample, 20, 8) == pytest.approx(60, abs=1e-3)
+    assert degrees(sample, 32, 7) == pytest.approx(22.5, abs=1e-3)
+    np.testing.assert_allclose(np.unique(sample.period_um[sample.diffracts]), [1000 / 900, 1.2, 1.4], rtol=1e-6)
