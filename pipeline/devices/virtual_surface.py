@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,25 @@ def automatic_step_nm(directions: Directions, coherence_um: float) -> float:
     return float(np.clip(step, _FINEST_NM, _COARSEST_NM))
 
 
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Relative response to many directions.
+
+    Attributes
+    ----------
+    sums : ndarray of shape (C, M, N), float32
+        1 for a mirror in its direction, where weights sum to 1.
+    terms : int or None
+        Terms of the evaluator, where it has any.
+    amplitude_error : float or None
+        What they leave of the amplitude at worst, relative to a mirror's.
+    """
+
+    sums: NDArray[np.float32]
+    terms: int | None
+    amplitude_error: float | None
+
+
 def responses(
     surface: HeightField,
     recipe: Recipe,
@@ -85,7 +105,7 @@ def responses(
     weights: NDArray[np.float64],
     *,
     tell: bool = True,
-) -> NDArray[np.float32]:
+) -> Response:
     """Relative response to many directions, added up over wavelengths.
 
     Parameters
@@ -103,53 +123,45 @@ def responses(
     tell : bool
         Whether to log what was chosen and what may be wrong.
 
-    Returns
-    -------
-    ndarray of shape (C, M, N), float32
-        1 for a mirror in its direction, where weights sum to 1.
-
     Raises
     ------
     InputError
         Heights are missing.
     """
-    patch = patch_of(surface)
+    patch = _patch_of(surface)
     if tell:
         _warn(surface, patch, recipe, directions, wavelength_nm)
     wavelength_um = np.asarray(wavelength_nm, np.float64) / 1000
-    found = terms_and_error(recipe, patch, directions, wavelength_um)
-    if found is not None and found[1] <= recipe.tolerance * _ROUNDED:
-        if tell:
-            _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, found[0], recipe.tolerance)
-    elif found is not None and tell:
-        _log.warning(
-            "%s: %d terms leave an amplitude error of up to %.2g on a relief of %.3g um; asked for are %g.",
-            recipe.evaluator,
-            found[0],
-            min(found[1], 1e9),
-            patch.relief_um,
-            recipe.tolerance,
-        )
+    terms, error = terms_and_error(recipe, patch, directions, wavelength_um) or (None, None)
+    if tell and error is not None:
+        _tell_of_terms(recipe, terms, error, patch.relief_um)
     response = prepared(recipe, patch, directions, wavelength_um)
     rows, columns = directions.uvw[2].shape
     out = np.empty((weights.shape[1], rows, columns), np.float32)
     kernel = response.rows(directions.uvw, wavelength_um, np.asarray(weights, np.float64), out)
     over_rows(kernel, rows, tile=rows if recipe.evaluator == "nufft" else _TILE)
-    return out
+    return Response(out, terms, error)
 
 
-def patch_of(surface: HeightField) -> Patch:
-    """The surface as a tile that repeats.
-
-    Raises
-    ------
-    InputError
-        Heights are missing.
-    """
+def _patch_of(surface: HeightField) -> Patch:
     missing = int(np.count_nonzero(~np.isfinite(surface.height_um)))
     if missing:
         raise InputError(f"{missing} heights of the surface are not known", expected="align.despiked, which fills gaps")
     return Patch(np.asarray(surface.height_um, np.float64), surface.pitch_um)
+
+
+def _tell_of_terms(recipe: Recipe, terms: int | None, error: float, relief_um: float) -> None:
+    if error <= recipe.tolerance * _ROUNDED:
+        _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, terms, recipe.tolerance)
+    else:
+        _log.warning(
+            "%s: %d terms leave an amplitude error of up to %.2g on a relief of %.3g um; asked for are %g.",
+            recipe.evaluator,
+            terms,
+            min(error, 1e9),
+            relief_um,
+            recipe.tolerance,
+        )
 
 
 def _warn(

@@ -12,7 +12,7 @@ from pipeline.optics.diffraction.bumps import BumpResponse
 from pipeline.optics.diffraction.chebyshev import chebyshev_errors, chebyshev_response, degree_for
 from pipeline.optics.diffraction.direct import direct_response, nonuniform_response
 from pipeline.optics.diffraction.directions import Directions
-from pipeline.optics.diffraction.patch import Patch, SpectralResponse, frequency_sigma, quotient_range
+from pipeline.optics.diffraction.patch import Components, Patch, SpectralResponse, frequency_sigma, quotient_range
 from pipeline.optics.diffraction.replicas import replica_response
 from pipeline.optics.diffraction.taylor import phase_range, taylor_error, taylor_response, taylor_terms
 
@@ -122,7 +122,7 @@ def terms_and_error(
 
 def lattice_orders(
     lattice_per_um: Float64Array,
-    uvw: tuple[Float64Array, Float64Array, Float64Array],
+    uvw: Components,
     wavelength_um: Float64Array,
     coherence_um: float,
 ) -> Float64Array:

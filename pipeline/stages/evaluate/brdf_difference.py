@@ -7,8 +7,8 @@ import numpy as np
 from pipeline.data.diffraction import BrdfMap
 from pipeline.data.metrics import Metrics
 from pipeline.errors import InputError
+from pipeline.optics.colour import LUMINANCE
 
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _tolerance_brdf_difference = {"metrics": 1e-2}
 
 
@@ -36,7 +36,7 @@ def brdf_difference(estimate: BrdfMap, reference: BrdfMap) -> Metrics:
     if estimate.rgb.shape != reference.rgb.shape or not np.allclose(estimate.light, reference.light):
         raise InputError("the maps differ in size or lights", expected="the same light_deg and size_px in both")
     first, second = estimate.rgb.astype(np.float64), reference.rgb.astype(np.float64)
-    bright = second @ _LUMINANCE
+    bright = second @ LUMINANCE
     if not second.any():
         raise InputError("the reference is dark", expected="light in some direction of the disc")
     usual = bright < np.percentile(bright[second.any(axis=-1)], 99.5)
@@ -46,6 +46,6 @@ def brdf_difference(estimate: BrdfMap, reference: BrdfMap) -> Metrics:
         {
             "brdf_error_max_percent": 100 * float(np.abs(difference).max() / np.abs(second).max()),
             "brdf_error_rms_percent": 100 * float(rms / usual_rms),
-            "brdf_energy_percent": 100 * float((first @ _LUMINANCE).sum() / bright.sum()),
+            "brdf_energy_percent": 100 * float((first @ LUMINANCE).sum() / bright.sum()),
         }
     )

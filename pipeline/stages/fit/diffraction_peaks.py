@@ -103,7 +103,7 @@ def diffraction_peaks(
     view_rad = np.deg2rad(np.linspace(-_FARTHEST_DEG, _FARTHEST_DEG, count))
     wavelength_nm = np.arange(FIRST_NM, LAST_NM + wavelength_step / 2, wavelength_step)
     directions = plane_of_incidence(light_rad, azimuth_rad, view_rad)
-    response = responses(surface, recipe, directions, wavelength_nm, np.eye(len(wavelength_nm)))[..., 0]
+    response = responses(surface, recipe, directions, wavelength_nm, np.eye(len(wavelength_nm))).sums[..., 0]
     share = min(search_percent / 100, 0.5 / abs(order))
     expected = _in_plane(periods, azimuth_rad)
     near = near_um or expected

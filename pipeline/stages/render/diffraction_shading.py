@@ -142,7 +142,7 @@ def diffraction_shading(
         step = step or automatic_step_nm(every, coherence_um)
         wavelength_nm, weights = white_balanced_weights(illuminant, step)
         moved, together = _moved(surface, place), packed(every, _ABREAST)
-        response = responses(moved, recipe, together, wavelength_nm, weights, tell=sample == 0)
+        response = responses(moved, recipe, together, wavelength_nm, weights, tell=sample == 0).sums
         colour = blended(
             response.reshape(3, -1).T[: len(every.light)],
             np.concatenate(albedo),
