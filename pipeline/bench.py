@@ -37,6 +37,8 @@ from pipeline.storage.record import Record
 from pipeline.storage.store import Store, data_types
 
 RUN_DIGEST_CHARACTERS = 8
+_FIRST = {"evaluate": 0, "fit": 1}
+"""Whose figures lead."""
 
 
 class RunFailed(PipelineError):
@@ -236,7 +238,7 @@ class Experiment:
             overrides=tuple(o.text for o in self.configuration.overrides),
             description=str(self.configuration.content.get("description") or "").strip(),
             nodes=nodes,
-            metrics=_metrics(sorted(nodes.values(), key=lambda n: n.name != "evaluate"), self.store),
+            metrics=_metrics(sorted(nodes.values(), key=lambda n: _FIRST.get(n.name, len(_FIRST))), self.store),
             config_yaml=as_yaml(self.kept(self.configuration.content)),
             versions=versions(),
             commit=commit(),

@@ -194,7 +194,7 @@ def _warn(
         if jump > _SEAM:
             _log.warning(
                 "The surface does not repeat, and the tile jumps at its border by %.1f times its largest step inside: "
-                "that diffracts along the axes.",
+                "that diffracts along the axes. extract.seamless takes the seam away.",
                 jump,
             )
 
