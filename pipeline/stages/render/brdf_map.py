@@ -37,12 +37,12 @@ def brdf_map(
     refractive_index: float = 1.5,
     shadowed: bool = True,
 ) -> BrdfMap:
-    """Draw the BRDF of a surface over all directions of view, relative to that of a mirror.
+    """Draw what a surface sends to all directions of view, relative to a mirror at normal incidence.
 
     The surface repeats without end, and light is coherent over a Gaussian window. At each direction and wavelength the
     response is ``|P|^2``, with ``P`` the windowed transform of ``exp(2 pi i w h / lambda)`` at ``(u, v) / lambda`` and
     ``(u, v, w) = -light - view``; it is summed over wavelengths to a colour, and multiplied with what geometry, Fresnel
-    reflection and V-shaped grooves make of it.
+    reflection and V-shaped grooves make of it. That is the BRDF times the cosine of the light's angle.
 
     Parameters
     ----------

@@ -75,6 +75,14 @@ def test_a_mirror_at_any_angle_has_its_reflectance_once() -> None:
     np.testing.assert_allclose(relative_gain(mirrored, shadowed=False), np.cos(theta) * reflectance / 0.04)
 
 
+@given(st.tuples(*[st.floats(0, 1.4), st.floats(-3, 3)] * 2))
+def test_a_brdf_is_the_same_with_light_and_viewer_exchanged(angles: tuple[float, float, float, float]) -> None:
+    light, view = unit_vector(angles[0], angles[1])[None, None], unit_vector(angles[2], angles[3])[None, None]
+    there = relative_gain(Directions(light, view)) / light[..., 2]
+    back = relative_gain(Directions(view, light)) / view[..., 2]
+    np.testing.assert_allclose(there, back, rtol=1e-9)
+
+
 def test_schlick_is_the_normal_reflectance_head_on_and_one_at_grazing() -> None:
     theta = np.array([[0.0, np.pi / 2 - 1e-9]])
     mirrored = Directions(unit_vector(theta), unit_vector(theta, np.pi))
