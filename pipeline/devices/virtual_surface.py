@@ -71,9 +71,22 @@ def check_recipe(*, coherence_um: float, tolerance: float, terms: int | None) ->
     )
 
 
-def automatic_step_nm(directions: Directions, coherence_um: float) -> float:
-    """Widest step of visible wavelengths that shows every order, within reason."""
-    step = wavelength_step_nm(directions, coherence_um, _STEP_ERROR, FIRST_NM)
+def automatic_step_nm(surface: HeightField, directions: Directions, coherence_um: float) -> float:
+    """Widest step of visible wavelengths that shows every order, within reason; logs a warning where that is too wide.
+
+    Raises
+    ------
+    InputError
+        Heights are missing.
+    """
+    step = wavelength_step_nm(directions, coherence_um, patch_of(surface).relief_um, _STEP_ERROR, FIRST_NM)
+    if step < _FINEST_NM:
+        _log.warning(
+            "Orders of this coherence window and relief ask for wavelength steps of %.2g nm, and %g nm are taken: "
+            "colours may be off. wavelength_step sets others.",
+            step,
+            _FINEST_NM,
+        )
     return float(np.clip(step, _FINEST_NM, _COARSEST_NM))
 
 
@@ -193,5 +206,5 @@ def _seam(height_um: NDArray[np.float64]) -> float:
     for axis in (0, 1):
         step = np.diff(height_um, axis=axis, append=np.take(height_um, [0], axis=axis))
         rms = np.sqrt((step**2).mean(axis=1 - axis))
-        ratios.append(float(rms[-1] / max(rms[:-1].max(), 1e-12)))
+        ratios.append(float(rms[-1] / max(rms[:-1].max(initial=0.0), 1e-12)))
     return max(ratios)

@@ -58,6 +58,25 @@ def test_the_widest_step_that_is_chosen_is_fine_enough_and_a_coarse_one_is_not()
     assert brdf_difference(coarse, reference).metrics["brdf_error_rms_percent"] > 10
 
 
+def test_the_step_that_is_chosen_shows_the_fringes_of_a_deep_relief() -> None:
+    steps = np.zeros((4, 16))
+    steps[:, 8:] = 10.0
+    few = {"light_deg": [10.0], "size_px": 15, "coherence_um": 4.0}
+    chosen = brdf_map(HeightField(steps, 0.1, periodic=True), **few)
+    reference = brdf_map(HeightField(steps, 0.1, periodic=True), wavelength_step=0.5, **few)
+    assert brdf_difference(chosen, reference).metrics["brdf_error_rms_percent"] < 1
+    coarse = brdf_map(HeightField(steps, 0.1, periodic=True), wavelength_step=10.0, **few)
+    assert brdf_difference(coarse, reference).metrics["brdf_error_rms_percent"] > 10
+
+
+def test_a_window_too_wide_for_any_step_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    brdf_map(grating(), light_deg=[10.0], size_px=5, coherence_um=300.0)
+    assert "ask for wavelength steps" not in caplog.text
+    brdf_map(grating(), light_deg=[10.0], size_px=5, coherence_um=2000.0)
+    assert "ask for wavelength steps of 0.0" in caplog.text
+    assert "and 0.25 nm are taken" in caplog.text
+
+
 @pytest.mark.parametrize("evaluator", ["flss", "nmm", "pq", "pq_sinc", "gem", "nufft"])
 def test_other_evaluators_of_a_grating_send_light_to_the_same_places(evaluator: str) -> None:
     if evaluator == "nufft":
@@ -107,6 +126,15 @@ def test_what_cannot_be_is_refused() -> None:
         }
         with pytest.raises(InputError, match=setting):
             stage._check_brdf_map(**{**whole, "light_deg": [0.0], "size_px": 9, setting: value})
+
+
+def test_a_single_row_is_what_repeats_across_it() -> None:
+    few = {"light_deg": [20.0], "size_px": 21, "wavelength_step": 50.0, "coherence_um": 8.0}
+    whole = HeightField(np.tile(grating().height_um[0], (4, 1)), 0.05)
+    for turns in (0, 1):
+        expected = brdf_map(HeightField(np.rot90(whole.height_um, turns), 0.05), **few).rgb
+        found = brdf_map(HeightField(np.rot90(whole.height_um[:1], turns), 0.05), **few).rgb
+        np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
 def test_maps_of_other_lights_are_not_compared() -> None:

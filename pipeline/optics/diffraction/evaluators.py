@@ -137,15 +137,16 @@ def lattice_orders(
     return np.ascontiguousarray(orders[within[0] & within[1]])
 
 
-def wavelength_step_nm(directions: Directions, coherence_um: float, tolerance: float, shortest_nm: float) -> float:
-    """Widest step of the trapezoid rule over wavelengths that shows every order.
+def wavelength_step_nm(
+    directions: Directions, coherence_um: float, relief_um: float, tolerance: float, shortest_nm: float
+) -> float:
+    """Widest step of the trapezoid rule over wavelengths that shows every order, and the fringes within it.
 
-    At a direction ``(u, v)`` an order is a Gaussian over the wavelength, of standard deviation ``lambda^2 sigma_f /
-    (sqrt 2 |(u, v)|)``. Its sum over equal steps ``s`` errs by ``2 exp(-2 pi^2 sigma^2 / s^2)`` of its area.
+    At a direction ``(u, v, w)`` an order is a Gaussian over the wavelength, of standard deviation ``lambda^2 sigma_f /
+    (sqrt 2 |(u, v)|)``. Its sum over equal steps ``s`` errs by ``2 exp(-2 pi^2 sigma^2 / s^2)`` of its area. Light from
+    top and bottom of a relief ``h`` interferes in fringes ``lambda^2 / (|w| h)`` apart.
     """
-    u, v, _ = directions.uvw
-    farthest = float(np.nanmax(np.hypot(u, v)))
-    if farthest < 1e-9:
-        return 5.0
-    sigma = (shortest_nm / 1000) ** 2 * frequency_sigma(coherence_um) / np.sqrt(2) / farthest * 1000
-    return float(np.sqrt(2) * np.pi * sigma / np.sqrt(np.log(2 / tolerance)))
+    u, v, w = directions.uvw
+    across = np.sqrt(np.log(2 / tolerance)) / (np.pi * frequency_sigma(coherence_um))
+    path_um = float(np.nanmax(np.hypot(u, v) * across + np.abs(w) * relief_um))
+    return shortest_nm**2 / 1000 / max(path_um, 1e-9)

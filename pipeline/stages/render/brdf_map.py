@@ -62,7 +62,7 @@ def brdf_map(
     size_px : int
         Pixels across the disc, whose edge is at grazing view.
     wavelength_step : float, optional
-        In nm; by default the widest that shows every order, from the coherence window.
+        In nm; by default the widest that shows every order, from the coherence window and the relief.
     illuminant : {"D65", "A", "inverse A", "E"}
         Spectrum of the light; a mirror under it is white.
     coherence_um : float
@@ -98,7 +98,7 @@ def brdf_map(
     steps, metrics = list[float](), dict[str, float]()
     for picture, light in zip(rgb, lights, strict=True):
         directions = disc_of_views(light, size_px)
-        step = wavelength_step or automatic_step_nm(directions, coherence_um)
+        step = wavelength_step or automatic_step_nm(surface, directions, coherence_um)
         first = not steps
         steps.append(step)
         wavelength_nm, weights = white_balanced_weights(illuminant, step)
@@ -110,7 +110,7 @@ def brdf_map(
         gain = relative_gain(directions, refractive_index=refractive_index, shadowed=shadowed)
         picture[:] = np.nan_to_num(np.moveaxis(colour, 0, -1) * gain[..., None].astype(np.float32))
     if wavelength_step is None:
-        _log.info("Wavelength steps of %s nm show every order.", ", ".join(f"{step:.2g}" for step in steps))
+        _log.info("Wavelength steps are %s nm.", ", ".join(f"{step:.2g}" for step in steps))
     metrics["brdf_largest"] = float(rgb.max())
     metrics["wavelength_step_nm"] = min(steps)
     return BrdfMap(rgb, lights, evaluator, surface.caption, metrics)
