@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -135,6 +137,23 @@ def test_a_single_row_is_what_repeats_across_it() -> None:
         expected = brdf_map(HeightField(np.rot90(whole.height_um, turns), 0.05), **few).rgb
         found = brdf_map(HeightField(np.rot90(whole.height_um[:1], turns), 0.05), **few).rgb
         np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_maps_are_compared_away_from_the_mirror_and_by_luminance() -> None:
+    dark = brdf_map(grating(), light_deg=[0.0], size_px=11, wavelength_step=50.0)
+    rgb = np.zeros((1, 11, 11, 3), np.float32)
+    rgb[0, 5, :] = [0.0, 0.02, 0.0]
+    rgb[0, 5, 5] = 10.0
+    reference, estimate = (replace(dark, rgb=rgb.copy()) for _ in range(2))
+    estimate.rgb[0, 5, 0] = [0.0, 0.04, 0.0]
+    luminance = 10 + 10 * 0.02 * 0.7152
+    assert brdf_difference(estimate, reference).metrics == {
+        "brdf_error_max_percent": pytest.approx(0.2),
+        "brdf_error_rms_percent": pytest.approx(100 / np.sqrt(10)),
+        "brdf_energy_percent": pytest.approx(100 * (1 + 0.02 * 0.7152 / luminance)),
+    }
+    reference.rgb[0, 5, [*range(5), *range(6, 11)]] = 0.0
+    assert "brdf_error_rms_percent" not in brdf_difference(estimate, reference).metrics
 
 
 def test_maps_of_other_lights_are_not_compared() -> None:
