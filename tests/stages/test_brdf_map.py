@@ -106,6 +106,38 @@ def test_too_few_terms_a_coarse_pitch_and_a_seam_are_told(caplog: pytest.LogCapt
     assert "the tile jumps at its border" in caplog.text
 
 
+@pytest.mark.parametrize("azimuth_deg", [0.0, 90.0])
+def test_the_pitch_that_is_said_to_do_does(azimuth_deg: float, caplog: pytest.LogCaptureFixture) -> None:
+    """Light from 60 degrees asks for orders up to ``(1 + sin 60) / 0.38`` per um along its own azimuth."""
+    few = {"light_deg": [60.0], "light_azimuth_deg": azimuth_deg, "size_px": 101, "wavelength_step": 100.0}
+    needed = 0.38 / (100 / 101 + np.sin(np.deg2rad(60))) / 2
+    brdf_map(HeightField(np.zeros((8, 8)), 0.99 * needed, periodic=True), **few)
+    assert "Samples" not in caplog.text
+    brdf_map(HeightField(np.zeros((8, 8)), 1.01 * needed, periodic=True), **few)
+    assert f"A pitch of {needed:.3g} um would do" in caplog.text
+
+
+@pytest.mark.parametrize("turns", [0, 1])
+def test_a_seam_along_either_axis_and_a_narrow_tile_are_told(turns: int, caplog: pytest.LogCaptureFixture) -> None:
+    few = {"light_deg": [10.0], "size_px": 11, "wavelength_step": 50.0, "coherence_um": 3.9}
+    caplog.set_level("INFO")
+    slope = np.rot90(np.tile(np.linspace(0, 1, 40), (40, 1)), turns)
+    brdf_map(HeightField(slope, 0.1), **few)
+    assert "the tile jumps at its border by 39.0 times its largest step inside" in caplog.text
+    assert "narrower than the coherence window" not in caplog.text
+    brdf_map(HeightField(np.rot90(np.zeros((10, 80)), turns), 0.1, periodic=True), **few)
+    assert "The tile is 1 um wide, narrower than the coherence window of 3.9 um" in caplog.text
+
+
+@pytest.mark.parametrize("orientation_deg", [30.0, 135.0])
+def test_evaluators_look_along_a_slanting_period(orientation_deg: float) -> None:
+    surface = cosine_grating(period_um=1.6, depth_um=0.15, size_um=8.0, pitch_um=0.1, orientation_deg=orientation_deg)
+    few = {"light_deg": [10.0], "size_px": 31, "wavelength_step": 50.0, "coherence_um": 20.0}
+    reference = brdf_map(surface, evaluator="flss", **few)
+    found = brdf_map(surface, periodicity(surface), evaluator="nmm", **few)
+    assert brdf_difference(found, reference).metrics["brdf_error_rms_percent"] < 1
+
+
 def test_what_cannot_be_is_refused() -> None:
     few = {"light_deg": [10.0], "size_px": 11, "wavelength_step": 50.0}
     with pytest.raises(InputError, match="looks for light where the surface's periods send it"):
