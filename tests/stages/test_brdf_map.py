@@ -71,6 +71,16 @@ def test_the_step_that_is_chosen_shows_the_fringes_of_a_deep_relief() -> None:
     assert brdf_difference(coarse, reference).metrics["brdf_error_rms_percent"] > 10
 
 
+def test_figures_are_those_of_the_light_that_asks_for_most() -> None:
+    surface, few = grating(depth_um=1.0), {"size_px": 9, "coherence_um": 20.0}
+    both, upright, slanting = (brdf_map(surface, light_deg=to, **few).metrics for to in ([0.0, 60.0], [0.0], [60.0]))
+    assert upright["terms"] > slanting["terms"]
+    assert upright["wavelength_step_nm"] > slanting["wavelength_step_nm"]
+    assert both["terms"] == upright["terms"]
+    assert both["wavelength_step_nm"] == slanting["wavelength_step_nm"]
+    assert both["brdf_largest"] == max(upright["brdf_largest"], slanting["brdf_largest"])
+
+
 def test_a_window_too_wide_for_any_step_is_told(caplog: pytest.LogCaptureFixture) -> None:
     brdf_map(grating(), light_deg=[10.0], size_px=5, coherence_um=300.0)
     assert "ask for wavelength steps" not in caplog.text

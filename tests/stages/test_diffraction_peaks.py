@@ -229,3 +229,11 @@ def test_lines_narrower_than_the_angular_step_are_told(sawtooth: HeightField, ca
     off_nm = [1000 * abs(one.metrics["period_um"] - 2.5) for one in (wide, coarse, fine)]
     assert max(off_nm[0], off_nm[2]) < 1e-3
     assert off_nm[1] > 0.1
+
+
+@pytest.mark.parametrize(("depth_um", "peaks"), [(1e-5, 0.0), (0.01, 9.0)])
+def test_orders_fainter_than_the_tolerance_are_no_peaks(depth_um: float, peaks: float) -> None:
+    """Order 1 of a cosine has the power ``J_1(pi |w| depth / lambda)^2``, against 4 times ``tolerance^2``."""
+    surface = cosine_grating(depth_um=depth_um)
+    found = diffraction_peaks(surface, evaluator="flss", terms=4, near_um=2.5, wavelength_step=50.0)
+    assert found.metrics["peaks"] == peaks

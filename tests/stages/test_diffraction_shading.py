@@ -88,9 +88,11 @@ def test_a_surface_turned_with_light_and_camera_looks_the_same() -> None:
     assert seen[0].max() > 0.01
 
 
-def test_pigment_alone_is_matt_below_a_surface_that_reflects() -> None:
+@pytest.mark.parametrize("samples", [1, 3])
+def test_pigment_alone_is_matt_below_a_surface_that_reflects(samples: int) -> None:
     """Schlick at 40 degrees for n = 1.5."""
-    (rgb,) = diffraction_shading(BLAZE, **FAR, texture="grey", light_deg=40.0, diffuse_share=1.0).rgb
+    how = {**FAR, "samples": samples, "texture": "grey", "light_deg": 40.0, "diffuse_share": 1.0}
+    (rgb,) = diffraction_shading(BLAZE, **how).rgb
     cosine = np.cos(np.deg2rad(40.0))
     np.testing.assert_allclose(rgb, 0.18 * cosine * (1 - 0.04 - 0.96 * (1 - cosine) ** 5), rtol=1e-6)
 
@@ -113,6 +115,11 @@ def test_samples_average_over_pixels_and_over_places_on_the_surface() -> None:
     lit = (one > 0).all(axis=-1) & (many > 0).all(axis=-1)
     spread = [np.log(picture[lit]).std() for picture in (one, many)]
     assert spread[1] < 0.8 * spread[0]
+
+
+def test_what_is_wrong_with_a_surface_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    diffraction_shading(HeightField(np.zeros((8, 8)), 2.0, periodic=True), **{**SMALL, "samples": 3})
+    assert caplog.text.count("Samples 2 um apart hold orders") == 1
 
 
 def test_pictures_zoom_in_by_their_distances() -> None:
