@@ -28,6 +28,8 @@ _log = logging.getLogger(__name__)
 _TILE = 64
 _ROUNDED = 1.0001
 _STEP_ERROR = 1e-2
+_MOST_TERMS = 1000
+"""Beyond which tables fill the memory; of relief, some 150 um by Chebyshev polynomials."""
 _FINEST_NM, _COARSEST_NM = 0.25, 10.0
 _SEAM = 2.0
 """Times the largest step inside by which a tile that does not fit itself jumps at its border."""
@@ -124,13 +126,18 @@ def responses(
     Raises
     ------
     InputError
-        Heights are missing.
+        Heights are missing, or a relief is so deep that its terms are too many.
     """
     patch = patch_of(surface)
     if tell:
         _warn(surface, patch, recipe, directions, wavelength_nm)
     wavelength_um = np.asarray(wavelength_nm, np.float64) / 1000
     found = terms_and_error(recipe, patch, directions, wavelength_um)
+    if found is not None and found[0] > _MOST_TERMS:
+        raise InputError(
+            f"{recipe.evaluator} takes {found[0]} terms on a relief of {patch.relief_um:.3g} um",
+            expected=f"at most {_MOST_TERMS}: heights in um, laid level (align.level), or fewer terms",
+        )
     if found is not None and found[1] <= recipe.tolerance * _ROUNDED:
         if tell:
             _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, found[0], recipe.tolerance)

@@ -160,6 +160,10 @@ def test_what_cannot_be_is_refused() -> None:
     holed[3, 4] = np.nan
     with pytest.raises(InputError, match="1 heights of the surface are not known"):
         brdf_map(HeightField(holed, 0.1), **few)
+    with pytest.raises(InputError, match=r"terms on a relief of 375 um[\s\S]*heights in um"):
+        brdf_map(grating(depth_um=375.0), **few)
+    with pytest.raises(InputError, match=r"flss takes .* terms on a relief of 20 um"):
+        brdf_map(grating(depth_um=20.0), evaluator="flss", **few)
     for setting, value in (("light_deg", [95.0]), ("tolerance", 2.0), ("terms", 0), ("coherence_um", 0.0)):
         whole = {
             "wavelength_step": None,

@@ -85,7 +85,7 @@ def brdf_map(
     Raises
     ------
     InputError
-        Heights are missing, or the evaluator needs what is not there.
+        Heights are missing or differ too much, or the evaluator needs what is not there.
 
     References
     ----------
