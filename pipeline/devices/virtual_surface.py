@@ -29,6 +29,8 @@ _log = logging.getLogger(__name__)
 _TILE = 64
 _ROUNDED = 1.0001
 _STEP_ERROR = 1e-2
+_MOST_TERMS = 1000
+"""Beyond which tables fill the memory; of relief, some 150 um by Chebyshev polynomials."""
 _FINEST_NM, _COARSEST_NM = 0.25, 10.0
 _SEAM = 2.0
 """Times the largest step inside by which a tile that does not fit itself jumps at its border."""
@@ -72,9 +74,22 @@ def check_recipe(*, coherence_um: float, tolerance: float, terms: int | None) ->
     )
 
 
-def automatic_step_nm(directions: Directions, coherence_um: float) -> float:
-    """Widest step of visible wavelengths that shows every order, within reason."""
-    step = wavelength_step_nm(directions, coherence_um, _STEP_ERROR, FIRST_NM)
+def automatic_step_nm(surface: HeightField, directions: Directions, coherence_um: float) -> float:
+    """Widest step of visible wavelengths that shows every order, within reason; logs a warning where that is too wide.
+
+    Raises
+    ------
+    InputError
+        Heights are missing.
+    """
+    step = wavelength_step_nm(directions, coherence_um, patch_of(surface).relief_um, _STEP_ERROR, FIRST_NM)
+    if step < _FINEST_NM:
+        _log.warning(
+            "Orders of this coherence window and relief ask for wavelength steps of %.2g nm, and %g nm are taken: "
+            "colours may be off. wavelength_step sets others.",
+            step,
+            _FINEST_NM,
+        )
     return float(np.clip(step, _FINEST_NM, _COARSEST_NM))
 
 
@@ -126,13 +141,18 @@ def responses(
     Raises
     ------
     InputError
-        Heights are missing.
+        Heights are missing, or a relief is so deep that its terms are too many.
     """
     patch = _patch_of(surface)
     if tell:
         _warn(surface, patch, recipe, directions, wavelength_nm)
     wavelength_um = np.asarray(wavelength_nm, np.float64) / 1000
     terms, error = terms_and_error(recipe, patch, directions, wavelength_um) or (None, None)
+    if terms is not None and terms > _MOST_TERMS:
+        raise InputError(
+            f"{recipe.evaluator} takes {terms} terms on a relief of {patch.relief_um:.3g} um",
+            expected=f"at most {_MOST_TERMS}: heights in um, laid level (align.level), or fewer terms",
+        )
     if tell and error is not None:
         _tell_of_terms(recipe, terms, error, patch.relief_um)
     response = prepared(recipe, patch, directions, wavelength_um)
@@ -205,5 +225,5 @@ def _seam(height_um: NDArray[np.float64]) -> float:
     for axis in (0, 1):
         step = np.diff(height_um, axis=axis, append=np.take(height_um, [0], axis=axis))
         rms = np.sqrt((step**2).mean(axis=1 - axis))
-        ratios.append(float(rms[-1] / max(rms[:-1].max(), 1e-12)))
+        ratios.append(float(rms[-1] / max(rms[:-1].max(initial=0.0), 1e-12)))
     return max(ratios)
