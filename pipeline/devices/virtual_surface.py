@@ -20,7 +20,7 @@ from pipeline.optics.diffraction.evaluators import (
     terms_and_error,
     wavelength_step_nm,
 )
-from pipeline.optics.diffraction.patch import Patch
+from pipeline.optics.diffraction.patch import Patch, lines_of, reached
 from pipeline.parallel import over_rows, threads
 
 _log = logging.getLogger(__name__)
@@ -29,6 +29,9 @@ _TILE = 64
 _ROUNDED = 1.0001
 _STEP_ERROR = 1e-2
 _FINEST_NM, _COARSEST_NM = 0.25, 10.0
+_MOST_TERMS = 1000
+"""Reliefs of some hundred micrometres: mistaken units, which would be computed for hours."""
+_MOST_TABLE_GIB = 4.0
 _SEAM = 2.0
 """Times the largest step inside by which a tile that does not fit itself jumps at its border."""
 
@@ -111,13 +114,15 @@ def responses(
     Raises
     ------
     InputError
-        Heights are missing.
+        Heights are missing, or the relief is too deep or the surface too wide to be computed.
     """
     patch = patch_of(surface)
     if tell:
         _warn(surface, patch, recipe, directions, wavelength_nm)
     wavelength_um = np.asarray(wavelength_nm, np.float64) / 1000
     found = terms_and_error(recipe, patch, directions, wavelength_um)
+    if found is not None:
+        _refuse_endless(patch, recipe, directions, wavelength_um, found[0])
     if found is not None and found[1] <= recipe.tolerance * _ROUNDED:
         if tell:
             _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, found[0], recipe.tolerance)
@@ -148,8 +153,36 @@ def patch_of(surface: HeightField) -> Patch:
     """
     missing = int(np.count_nonzero(~np.isfinite(surface.height_um)))
     if missing:
-        raise InputError(f"{missing} heights of the surface are not known", expected="align.despiked, which fills gaps")
+        raise InputError(
+            f"{missing} heights of the surface are not known",
+            expected="none missing",
+            hint="align.filled fills gaps: graph.filled.stage=align.filled graph.filled.surface=surface "
+            "graph.level.surface=filled",
+        )
     return Patch(np.asarray(surface.height_um, np.float64), surface.pitch_um)
+
+
+def _refuse_endless(
+    patch: Patch, recipe: Recipe, directions: Directions, wavelength_um: NDArray[np.float64], terms: int
+) -> None:
+    if terms > _MOST_TERMS:
+        raise InputError(
+            f"a relief of {patch.relief_um:.4g} um asks {recipe.evaluator} for {terms} terms",
+            expected=f"at most {_MOST_TERMS}",
+            hint="are the heights in um?",
+        )
+    u, v, _ = directions.uvw
+    x, y = lines_of(patch, recipe.coherence_um, recipe.tolerance)
+    spans = [reached(lines, part, wavelength_um) for lines, part in ((x, u), (y, v))]
+    across, along = (last - first for first, last in spans)
+    if (gib := terms * across * along * 8 / 2**30) > _MOST_TABLE_GIB:
+        rows, columns = patch.height_um.shape
+        raise InputError(
+            f"a surface of {columns * patch.pitch_um:.4g} x {rows * patch.pitch_um:.4g} um has {across} x {along} "
+            f"spectral lines, which take {gib:.3g} GiB with {terms} terms",
+            expected=f"at most {_MOST_TABLE_GIB:g} GiB",
+            hint=f"is a pitch of {patch.pitch_um:g} um right? extract.cropped keeps a part of the surface",
+        )
 
 
 def _warn(
