@@ -151,7 +151,6 @@ def responses(
     terms, error = terms_and_error(recipe, patch, directions, wavelength_um) or (None, None)
     if terms is not None:
         _refuse_endless(patch, recipe, directions, wavelength_um, terms)
-        )
     if tell and error is not None:
         _tell_of_terms(recipe, terms, error, patch.relief_um)
     response = prepared(recipe, patch, directions, wavelength_um)
