@@ -32,6 +32,7 @@ GIVEN = {
 OPTICS = {"phase_deg", "retardation_deg", "film_axis_deg"}
 EITHER_SIGN = {
     "capture.polarizer_sequence": {"span_deg", "step_deg"},
+    "extract.shifted": {"right", "up"},
     "fit.auto": {"film_axis_deg", "threshold"},
     "fit.cosine": {"threshold"},
     "fit.diffraction_peaks": {"azimuth_deg", "order"},
