@@ -11,7 +11,6 @@ from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.data.printing import PrintLayout
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, refuse
-from pipeline.optics.angles import axial_difference
 from pipeline.optics.dot_grid import cells_under, nearest_angles, nearest_multiples, nearest_of
 
 Float64Array = NDArray[np.float64]
@@ -105,7 +104,8 @@ def _differences(
     name: str, printed_deg: Float64Array, printed_density: Float64Array, deg: Float64Array, density: Float64Array
 ) -> dict[str, float]:
     """How far orientations and periods are from those that were wanted, where both are known."""
-    angle = np.abs(np.rad2deg(axial_difference(np.deg2rad(printed_deg), np.deg2rad(deg))))
+    turn = np.abs(printed_deg - deg)
+    angle = np.minimum(turn, 180 - turn)
     period = np.abs(1000 / printed_density - 1000 / density)
     both = np.isfinite(angle)
     if not both.any():
