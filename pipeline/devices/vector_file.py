@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,11 +85,14 @@ def read_vector_file(path: Path, *, width_mm: float | None = None, step_mm: floa
         siblings = (p.name for p in path.parent.iterdir()) if path.parent.is_dir() else ()
         raise InputError(f"there is no file {path.name}", where=str(path), hint=nearest(path.name, siblings))
     try:
-        page = svgelements.SVG.parse(str(path))
-        width, height = float(page.width), float(page.height)
-    except (ElementTree.ParseError, UnicodeDecodeError, ValueError, TypeError, AttributeError) as error:
+        page = svgelements.SVG.parse(str(path), reify=False)
+    except Exception as error:  # what is malformed fails in as many ways as there are attributes
         raise InputError(f"{path.name} cannot be read: {error}", where=str(path), expected="an SVG file") from None
-    if not (width > 0 and height > 0):
+    if not isinstance(page, svgelements.SVG):
+        raise InputError(f"{path.name} holds no <svg>", where=str(path), expected="an SVG file")
+    width, height = float(page.width), float(page.height)
+    told = [str(page.values.get(name, "%")) for name in ("width", "height")]
+    if not (width > 0 and height > 0) or (page.viewbox is None and any(side.endswith("%") for side in told)):
         raise InputError("the page has no size", where=str(path), expected="width and height, or a viewBox")
     scale = width_mm / width if width_mm is not None else 1 / PIXELS_PER_MM
     reader = _Reader(path, scale, (width / 2, height / 2), step_mm)
@@ -121,7 +123,7 @@ class _Reader:
             return
         if element.values.get("clip-path") not in (None, "none") or element.values.get("mask") not in (None, "none"):
             _log.warning("%s: clips and masks do not count", self._name(element))
-        contours = tuple(self._contours(abs(svgelements.Path(element))))
+        contours = tuple(self._contours(svgelements.Path(element), element.transform))
         if not contours:
             return
         try:
@@ -135,10 +137,11 @@ class _Reader:
         except InputError as error:
             self.problems.append(error.at(f"{self.path}: {self._name(element)}"))
 
-    def _contours(self, path: Any) -> Iterator[Float64Array]:
-        """Outlines as points; straight pieces keep their ends, curves become short ones."""
+    def _contours(self, path: Any, placed: Any) -> Iterator[Float64Array]:
+        """Outlines as points; straight pieces keep their ends, curves become short ones and then are put in place."""
         import svgelements
 
+        scale = float(abs(placed.a * placed.d - placed.b * placed.c)) ** 0.5 * self.scale
         for outline in path.as_subpaths():
             points: list[tuple[float, float]] = []
             for segment in svgelements.Path(outline):
@@ -147,13 +150,15 @@ class _Reader:
                 if isinstance(segment, svgelements.Line | svgelements.Close):
                     corners = [segment.start, segment.end]
                 else:
-                    length = float(segment.length(error=1e-3)) * self.scale
+                    length = float(segment.length(error=1e-3)) * scale
                     pieces = int(np.clip(np.ceil(length / self.step_mm), 8, 4096))
                     corners = [segment.point(t) for t in np.linspace(0, 1, pieces + 1)]
                 points += [(corner.x, corner.y) for corner in corners]
             if len(points) > 1:
                 x, y = np.array(points, np.float64).T
-                yield np.stack([x - self.middle[0], self.middle[1] - y], axis=1) * self.scale
+                right = placed.a * x + placed.c * y + placed.e - self.middle[0]
+                down = placed.b * x + placed.d * y + placed.f - self.middle[1]
+                yield np.stack([right, -down], axis=1) * self.scale
 
     def _painted(self, element: Any, kind: str) -> bool:
         return getattr(element, kind).value is not None and getattr(element, kind).opacity != 0
@@ -168,20 +173,19 @@ class _Reader:
             words = [word for word in WORDS if word == str(written).strip()]
             if words and (kind == "stroke" or words[0] == "radial"):
                 return words[0]
-            try:
-                return float(np.deg2rad(float(written)))
-            except ValueError:
+            if not np.isfinite(degrees := _number(written)):
                 right = "degrees, or along, across or radial" if kind == "stroke" else "degrees, or radial"
                 raise InputError(
                     f"data-orientation of a {kind} is '{written}'", expected=right, hint=nearest(str(written), WORDS)
-                ) from None
+                )
+            return float(np.deg2rad(degrees))
         if not plain:
             raise InputError(f"the {kind} is no plain colour", expected="a colour, or data-orientation")
         if colour.red == colour.green == colour.blue:
             if kind == "stroke":
                 return "along"
             raise InputError(
-                f"the fill is grey ({colour.hex}), which tells no orientation",
+                f"the fill '{element.values.get(kind)}' is grey or no colour, and tells no orientation",
                 expected="a colour, whose hue is twice the orientation, or data-orientation",
             )
         return float(np.deg2rad(float(colour.hue) / 2))
@@ -192,11 +196,8 @@ class _Reader:
             written = element.values.get(name)
             if written is None:
                 continue
-            try:
-                given[name] = float(written)
-            except ValueError:
-                given[name] = 0.0
-            if not given[name] > 0:
+            given[name] = _number(written)
+            if not 0 < given[name] < np.inf:
                 raise InputError(f"{name} is '{written}'", expected="a number above 0")
         if len(given) == 2:
             raise InputError("the period is told twice", expected="data-period-um or data-lines-per-mm")
@@ -210,3 +211,11 @@ class _Reader:
     @staticmethod
     def _name(element: Any) -> str:
         return f"{element.values.get('tag', 'element')} '{element.id or 'without an id'}'"
+
+
+def _number(text: object) -> float:
+    """The number that a text writes; NaN where it is none."""
+    try:
+        return float(str(text))
+    except ValueError:
+        return float("nan")

@@ -72,6 +72,14 @@ def test_shapes_cover_what_they_should(draw, shape: str, expected_mm2: float) ->
     assert area(draw(shape)) == pytest.approx(expected_mm2, rel=0.006)
 
 
+def test_arcs_are_sheared_as_straight_lines_are(draw) -> None:
+    """x + y / 2: a circle of radius 3 becomes an ellipse of the same area, 2 sqrt(9 + 9/4) wide."""
+    sheared = draw('<g transform="matrix(1 0 0.5 1 4 0)"><circle cx="3" cy="5" r="3" fill="red"/></g>')
+    assert area(sheared) == pytest.approx(9 * np.pi, rel=0.005)
+    columns = np.flatnonzero(sheared.diffracts.any(axis=0))
+    assert np.ptp(columns) * 0.05 == pytest.approx(2 * np.sqrt(11.25), abs=0.11)
+
+
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.tuples(st.integers(-90, 90), st.integers(-90, 90)), min_size=3, max_size=12))
 def test_any_polygon_is_filled_as_another_library_fills_it(points) -> None:
@@ -158,9 +166,15 @@ def test_text_pictures_and_clips_are_told_to_be_left_out(draw, caplog: pytest.Lo
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ('<rect id="r" width="2" height="2"/>', r"the fill is grey \(#000000\)[\s\S]*rect 'r'\s+expected: a colour"),
+        (
+            '<rect id="r" width="2" height="2"/>',
+            r"the fill 'black' is grey or no[\s\S]*rect 'r'\s+expected: a colour",
+        ),
         ('<rect width="2" height="2" fill="url(#g)"/>', r"the fill is no plain colour[\s\S]*rect 'without an id'"),
         ('<rect width="2" height="2" data-orientation="alog"/>', r"of a fill is 'alog'[\s\S]*degrees, or radial"),
+        ('<rect width="2" height="2" data-orientation="nan"/>', r"data-orientation of a fill is 'nan'"),
+        ('<rect width="2" height="2" fill="redish"/>', r"the fill 'redish' is grey or no colour"),
+        ('<rect width="2" height="2" fill="red" data-period-um="inf"/>', r"data-period-um is 'inf'"),
         ('<path d="M0 0 L1 1" stroke="red" data-orientation="acros"/>', r"'acros'[\s\S]*did you mean 'across'"),
         ('<rect width="2" height="2" fill="red" data-period-um="0"/>', r"data-period-um is '0'[\s\S]*above 0"),
         (
@@ -179,6 +193,16 @@ def test_what_is_no_design_is_refused(draw, tmp_path: Path) -> None:
         draw("")
     with pytest.raises(InputError, match=r"the map would have 40000 points a side"):
         draw('<rect width="2" height="2" fill="red"/>', pixel_mm=0.0005)
+    with pytest.raises(InputError, match=r"no shape covers a point of the map"):
+        draw('<rect x="90" width="2" height="2" fill="red"/>')
+    for page in ("", 'width="100%" height="100%"', 'width="0" height="10"'):
+        with pytest.raises(InputError, match=r"the page has no size\s[\s\S]*width and height, or a viewBox"):
+            draw('<rect width="2" height="2" fill="red"/>', page=page)
+    with pytest.raises(InputError, match=r"design.svg cannot be read"):
+        draw('<rect width="2" height="2" fill="red" transform="rotate(x)"/>')
+    (tmp_path / "page.svg").write_text("<html/>")
+    with pytest.raises(InputError, match=r"page.svg (holds no <svg>|cannot be read)"):
+        vector_design(file=tmp_path / "page.svg")
     (tmp_path / "broken.svg").write_text("<svg")
     with pytest.raises(InputError, match=r"broken.svg cannot be read[\s\S]*expected: an SVG file"):
         vector_design(file=tmp_path / "broken.svg")

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.data.gratings import GratingSample
 from pipeline.devices.drawn_sample import drawn_sample, foreseen, undrawable
 from pipeline.devices.vector_file import Shape, VectorDesign, read_vector_file
+from pipeline.errors import InputError
 from pipeline.limits import above_zero, refuse
 from pipeline.optics.drawing import Drawing, azimuth
 from pipeline.optics.vector_shapes import band, bounds, filled
@@ -65,6 +66,8 @@ def vector_design(
     drawing = Drawing(columns, pixel_mm, rows)
     for shape in design.shapes:
         _paint(drawing, shape, period_um)
+    if not np.isfinite(drawing.orientation_rad).any():
+        raise InputError("no shape covers a point of the map", where=str(file), expected="shapes on the page")
     return drawn_sample(
         drawing,
         file.stem,
