@@ -191,9 +191,11 @@ class _Reader:
         return float(np.deg2rad(float(colour.hue) / 2))
 
     def _period(self, element: Any) -> float | None:
-        given = {}
-        for name in ("data-period-um", "data-lines-per-mm"):
-            written = element.values.get(name)
+        given: dict[str, float] = {}
+        names = ("data-period-um", "data-lines-per-mm")
+        own = element.values.get("attributes", {})
+        for name in names:
+            written = (own if any(name in own for name in names) else element.values).get(name)
             if written is None:
                 continue
             given[name] = _number(written)

@@ -139,7 +139,7 @@ def test_periods_are_told_by_attributes_or_by_the_setting(draw) -> None:
     sample = draw(
         '<g data-period-um="1.1"><rect width="4" height="10" fill="red"/>'
         '<rect x="5" width="4" height="10" fill="red" data-period-um="2"/></g>'
-        '<rect x="10" width="4" height="10" fill="red" data-lines-per-mm="800"/>'
+        '<g data-period-um="1.1"><rect x="10" width="4" height="10" fill="red" data-lines-per-mm="800"/></g>'
         '<rect x="15" width="4" height="10" fill="red"/>',
         period_um=1.7,
     )
