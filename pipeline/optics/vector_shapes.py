@@ -35,13 +35,14 @@ def filled(contours: Sequence[Float64Array], window: Window, *, even_odd: bool) 
     x, y = window.x_mm.ravel(), window.y_mm.ravel()
     turns = np.zeros((y.size, x.size + 1), np.int32)
     for contour in contours:
-        (x0, y0), (x1, y1) = contour.T[..., None], np.roll(contour, -1, axis=0).T[..., None]
-        crossed = (y0 > y) != (y1 > y)
-        edge, row = np.nonzero(crossed)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at = x0 + (x1 - x0) * (y - y0) / (y1 - y0)
-        column = np.searchsorted(x, at[edge, row])
-        np.add.at(turns, (row, column), np.where(y1 > y0, 1, -1)[edge, 0])
+        (x0, y0), (x1, y1) = contour.T, np.roll(contour, -1, axis=0).T
+        # Of each edge the rows from its upper end, which does not belong to it, to its lower one, which does.
+        first = np.searchsorted(-y, -np.maximum(y0, y1), side="right")
+        crossed = np.searchsorted(-y, -np.minimum(y0, y1), side="right") - first
+        edge = np.repeat(np.arange(len(contour)), crossed)
+        row = np.arange(edge.size) + np.repeat(first - np.cumsum(crossed) + crossed, crossed)
+        at = x0[edge] + (x1 - x0)[edge] * (y[row] - y0[edge]) / (y1 - y0)[edge]
+        np.add.at(turns, (row, np.searchsorted(x, at)), np.where(y1 > y0, 1, -1)[edge])
     winding = turns.cumsum(axis=1)[:, :-1]
     return winding % 2 == 1 if even_odd else winding != 0
 
