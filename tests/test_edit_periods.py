@@ -23,7 +23,7 @@ NEEDED = {
     "file": ["graph.orientation.file=map.npy", "graph.period.file=map.npy"],
     "run": ["graph.orientation.file=runs/x"],
     "vector": ["graph.sample.file=design.svg"],
-    "grey": ["graph.sample.file=design.png"],
+    "picture": ["graph.sample.file=design.png"],
 }
 
 

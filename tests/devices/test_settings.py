@@ -52,7 +52,7 @@ EITHER_SIGN = {
     "simulate.facets": OPTICS,
     "simulate.fireworks": OPTICS | {"twist_deg"},
     "simulate.gradient_stars": OPTICS,
-    "simulate.grey_design": OPTICS,
+    "simulate.picture_design": OPTICS,
     "simulate.kinematic_tile": OPTICS,
     "simulate.laid_down": {"x_mm", "y_mm", "turn_deg"},
     "simulate.logo": OPTICS,
@@ -96,7 +96,7 @@ def test_no_stage_takes_a_negative_number_where_none_makes_sense(
 
 
 def file_for(stage: str, folder: Path) -> Path:
-    if stage == "simulate.grey_design":
+    if stage == "simulate.picture_design":
         return write_image(folder / "map.png", np.uint8(255 * np.eye(4)))
     if stage == "simulate.vector_design":
         file = folder / "map.svg"
