@@ -6,6 +6,7 @@ import platform
 import shlex
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
@@ -36,6 +37,8 @@ from pipeline.storage.record import Record
 from pipeline.storage.store import Store, data_types
 
 RUN_DIGEST_CHARACTERS = 8
+_FIRST = {"evaluate": 0, "fit": 1}
+"""Whose figures lead."""
 
 
 class RunFailed(PipelineError):
@@ -235,7 +238,7 @@ class Experiment:
             overrides=tuple(o.text for o in self.configuration.overrides),
             description=str(self.configuration.content.get("description") or "").strip(),
             nodes=nodes,
-            metrics=_metrics(sorted(nodes.values(), key=lambda n: n.name != "evaluate"), self.store),
+            metrics=_metrics(sorted(nodes.values(), key=lambda n: _FIRST.get(n.name, len(_FIRST))), self.store),
             config_yaml=as_yaml(self.kept(self.configuration.content)),
             versions=versions(),
             commit=commit(),
@@ -372,19 +375,24 @@ def _node_run(node: Node, outcome: Outcome) -> NodeRun:
 
 
 def _metrics(nodes: Iterable[NodeRun], store: Store) -> dict[str, float]:
-    """Figures of every node that has some; a name that two nodes share is led by the node's."""
-    found: dict[str, float] = {}
+    """Figures of every node that has some.
+
+    A name that several share is led by the node's, but for ``evaluate``'s, whose figure others need not repeat.
+    """
     types = data_types()
-    for node in nodes:
-        if not node.artifact:
-            continue
-        has_metrics = any(f.name == "metrics" for f in fields(types[node.type])) if node.type in types else False
-        if not has_metrics:
-            continue
-        for name, figure in store.get(node.artifact).metrics.items():
-            if found.get(name) != figure:
-                found[name if name not in found else f"{node.name}.{name}"] = float(figure)
-    return found
+    figures = {
+        node.name: store.get(node.artifact).metrics
+        for node in nodes
+        if node.artifact and node.type in types and any(f.name == "metrics" for f in fields(types[node.type]))
+    }
+    times = Counter(name for of_node in figures.values() for name in of_node)
+    judged = figures.get("evaluate", {})
+    return {
+        name if times[name] == 1 or node == "evaluate" else f"{node}.{name}": float(figure)
+        for node, of_node in figures.items()
+        for name, figure in of_node.items()
+        if node == "evaluate" or judged.get(name) != figure
+    }
 
 
 def _indented(text: str) -> str:

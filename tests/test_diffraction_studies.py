@@ -18,6 +18,11 @@ POINTS = {
     "limits_diffraction_pitch": ("pitch_um=0.05,0.5", "graph.truth.pitch_um=0.025", *TINY, *QUICK),
     "limits_diffraction_steps": ("bits=3,8", "surface=cosine", *TINY, *QUICK),
     "limits_diffraction_patch": ("width_um=3,10", "coherence_um=16", *TINY, *QUICK),
+    "limits_diffraction_windows": ("surface=blaze", "graph.moved.right=0,0.3", "graph.moved.up=0"),
+    "limits_diffraction_samples": (
+        *("surface=cosine", "distance_mm=900", "samples=1,9", "graph.reference.samples=24"),
+        *("graph.shading.size_px=40", "graph.reference.size_px=40"),
+    ),
     "limits_diffraction_grazing": ("angle_deg=0,85", "graph.brdf.size_px=41", "graph.brdf.wavelength_step=20"),
     "tradeoff_diffraction": ("surface=blaze", "method=chebyshev_4,flss", "size_px=11", "graph.surface.pitch_um=0.1"),
     "tradeoff_wavelengths": ("surface=blaze", "step_nm=null,50", "coherence_um=16", *TINY),
@@ -70,6 +75,19 @@ def test_a_square_that_holds_whole_periods_is_as_good_as_the_map(tmp_path: Path)
     assert errors["3"] > 20
     assert not any(point.run.nodes["brdf"].warnings for point in done.points)
     assert all("taken to repeat within it" in " ".join(point.run.nodes["brdf"].notes) for point in done.points)
+
+
+def test_where_a_blaze_begins_does_not_matter(tmp_path: Path) -> None:
+    done = swept(tmp_path, "limits_diffraction_windows")
+    first, second = (point.run.metrics["period_um"] for point in done.points)
+    assert first == pytest.approx(2.5, abs=1e-5)
+    assert second == pytest.approx(first, abs=1e-6)
+
+
+def test_more_samples_are_nearer_to_many(tmp_path: Path) -> None:
+    done = swept(tmp_path, "limits_diffraction_samples")
+    one, nine = (point.run.metrics["picture_error_rms_percent"] for point in done.points)
+    assert one > 1.3 * nine > 0
 
 
 def test_grooves_keep_grazing_views_finite(tmp_path: Path) -> None:

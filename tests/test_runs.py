@@ -21,6 +21,18 @@ def test_a_run_has_values_figures_and_seconds(toys: Toys) -> None:
         run["bug"]
 
 
+def test_figures_of_one_name_are_led_by_their_nodes_but_for_the_one_that_judges(toys: Toys) -> None:
+    run = toys.run(
+        "+graph.evaluate={stage: toy.mean, maps: [cut]}", "+graph.others={stage: toy.mean, maps: [big, raw]}"
+    )
+    assert run.metrics == {
+        "mean_0_um": 3.0,  # of evaluate, and so of others
+        "means.mean_0_um": 1.0,
+        "means.mean_1_um": 3.0,
+        "others.mean_1_um": 1.0,
+    }
+
+
 def test_values_are_read_only(toys: Toys) -> None:
     value = toys.run()["big"]
     with pytest.raises(ValueError, match="read-only"):

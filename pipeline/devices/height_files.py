@@ -120,7 +120,7 @@ def _of_picture(path: Path, told: MapDescription) -> tuple[NDArray[Any], float]:
             raise InputError(
                 f"{path.name} holds shares of a height that is not told",
                 where="full_height_um",
-                expected="full_height_um: height of full scale (grey 255 of 8 bits) over zero, in um",
+                expected="full_height_um: height of full scale (grey 255 of 8 bits, 65535 of 16) over zero, in um",
             )
         return image, _told_pitch(path, told, stated)
     return image.astype(np.float64) * told.full_height_um, _told_pitch(path, told, stated)

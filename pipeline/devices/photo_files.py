@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.data.photographs import Photo
 from pipeline.devices.file_extent import is_cut_short
 from pipeline.errors import InputError, nearest
+from pipeline.optics.colour import LUMINANCE
 
 Channel = Literal["auto", "green", "red", "blue", "luminance"]
 FloatImage = NDArray[np.float32]
@@ -28,7 +29,6 @@ RAW_SUFFIXES = frozenset(
 DISPLAY_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".jif", ".jfif", ".jfi", ".webp", ".gif", ".heic", ".heif"})
 """Endings of files that hold pictures made for a display, encoded as sRGB."""
 
-LUMINANCE = (0.2126, 0.7152, 0.0722)
 _CAMERA = {
     "make": ("Make",),
     "model": ("Model",),

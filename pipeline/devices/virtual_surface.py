@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from pipeline.optics.diffraction.evaluators import (
     terms_and_error,
     wavelength_step_nm,
 )
-from pipeline.optics.diffraction.patch import Patch
+from pipeline.optics.diffraction.patch import Patch, window_over
 from pipeline.parallel import over_rows, threads
 
 _log = logging.getLogger(__name__)
@@ -29,6 +30,9 @@ _TILE = 64
 _ROUNDED = 1.0001
 _STEP_ERROR = 1e-2
 _FINEST_NM, _COARSEST_NM = 0.25, 10.0
+_MOST_TERMS = 1000
+"""Reliefs of some hundred micrometres: mistaken units, which would be computed for hours."""
+_MOST_TABLE_GIB = 4.0
 _SEAM = 2.0
 """Times the largest step inside by which a tile that does not fit itself jumps at its border."""
 
@@ -71,10 +75,42 @@ def check_recipe(*, coherence_um: float, tolerance: float, terms: int | None) ->
     )
 
 
-def automatic_step_nm(directions: Directions, coherence_um: float) -> float:
-    """Widest step of visible wavelengths that shows every order, within reason."""
-    step = wavelength_step_nm(directions, coherence_um, _STEP_ERROR, FIRST_NM)
+def automatic_step_nm(surface: HeightField, directions: Directions, coherence_um: float) -> float:
+    """Widest step of visible wavelengths that shows every order, within reason; logs a warning where that is too wide.
+
+    Raises
+    ------
+    InputError
+        Heights are missing.
+    """
+    step = wavelength_step_nm(directions, coherence_um, _patch_of(surface).relief_um, _STEP_ERROR, FIRST_NM)
+    if step < _FINEST_NM:
+        _log.warning(
+            "Orders of this coherence window and relief ask for wavelength steps of %.2g nm, and %g nm are taken: "
+            "colours may be off. wavelength_step sets others.",
+            step,
+            _FINEST_NM,
+        )
     return float(np.clip(step, _FINEST_NM, _COARSEST_NM))
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Relative response to many directions.
+
+    Attributes
+    ----------
+    sums : ndarray of shape (C, M, N), float32
+        1 for a mirror in its direction, where weights sum to 1.
+    terms : int or None
+        Terms of the evaluator, where it has any.
+    amplitude_error : float or None
+        What they leave of the amplitude at worst, relative to a mirror's.
+    """
+
+    sums: NDArray[np.float32]
+    terms: int | None
+    amplitude_error: float | None
 
 
 def responses(
@@ -85,7 +121,7 @@ def responses(
     weights: NDArray[np.float64],
     *,
     tell: bool = True,
-) -> NDArray[np.float32]:
+) -> Response:
     """Relative response to many directions, added up over wavelengths.
 
     Parameters
@@ -103,53 +139,75 @@ def responses(
     tell : bool
         Whether to log what was chosen and what may be wrong.
 
-    Returns
-    -------
-    ndarray of shape (C, M, N), float32
-        1 for a mirror in its direction, where weights sum to 1.
-
     Raises
     ------
     InputError
-        Heights are missing.
+        Heights are missing, or the relief is too deep or the surface too wide to be computed.
     """
-    patch = patch_of(surface)
+    patch = _patch_of(surface)
     if tell:
         _warn(surface, patch, recipe, directions, wavelength_nm)
     wavelength_um = np.asarray(wavelength_nm, np.float64) / 1000
-    found = terms_and_error(recipe, patch, directions, wavelength_um)
-    if found is not None and found[1] <= recipe.tolerance * _ROUNDED:
-        if tell:
-            _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, found[0], recipe.tolerance)
-    elif found is not None and tell:
-        _log.warning(
-            "%s: %d terms leave an amplitude error of up to %.2g on a relief of %.3g um; asked for are %g.",
-            recipe.evaluator,
-            found[0],
-            min(found[1], 1e9),
-            patch.relief_um,
-            recipe.tolerance,
-        )
+    terms, error = terms_and_error(recipe, patch, directions, wavelength_um) or (None, None)
+    if terms is not None:
+        _refuse_endless(patch, recipe, directions, wavelength_um, terms)
+    if tell and error is not None:
+        _tell_of_terms(recipe, terms, error, patch.relief_um)
     response = prepared(recipe, patch, directions, wavelength_um)
     rows, columns = directions.uvw[2].shape
     out = np.empty((weights.shape[1], rows, columns), np.float32)
     kernel = response.rows(directions.uvw, wavelength_um, np.asarray(weights, np.float64), out)
     over_rows(kernel, rows, tile=rows if recipe.evaluator == "nufft" else _TILE)
-    return out
+    return Response(out, terms, error)
 
 
-def patch_of(surface: HeightField) -> Patch:
-    """The surface as a tile that repeats.
-
-    Raises
-    ------
-    InputError
-        Heights are missing.
-    """
+def _patch_of(surface: HeightField) -> Patch:
     missing = int(np.count_nonzero(~np.isfinite(surface.height_um)))
     if missing:
-        raise InputError(f"{missing} heights of the surface are not known", expected="align.despiked, which fills gaps")
+        raise InputError(
+            f"{missing} heights of the surface are not known",
+            expected="none missing",
+            hint="align.filled fills gaps: graph.filled.stage=align.filled graph.filled.surface=surface "
+            "graph.level.surface=filled",
+        )
     return Patch(np.asarray(surface.height_um, np.float64), surface.pitch_um)
+
+
+def _tell_of_terms(recipe: Recipe, terms: int | None, error: float, relief_um: float) -> None:
+    if error <= recipe.tolerance * _ROUNDED:
+        _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, terms, recipe.tolerance)
+    else:
+        _log.warning(
+            "%s: %d terms leave an amplitude error of up to %.2g on a relief of %.3g um; asked for are %g.",
+            recipe.evaluator,
+            terms,
+            min(error, 1e9),
+            relief_um,
+            recipe.tolerance,
+        )
+
+
+def _refuse_endless(
+    patch: Patch, recipe: Recipe, directions: Directions, wavelength_um: NDArray[np.float64], terms: int
+) -> None:
+    if terms > _MOST_TERMS:
+        raise InputError(
+            f"a relief of {patch.relief_um:.4g} um asks {recipe.evaluator} for {terms} terms",
+            expected=f"at most {_MOST_TERMS}",
+            hint="are the heights in um, and laid level (align.level)?",
+        )
+    window = window_over(
+        patch, directions.uvw, wavelength_um, coherence_um=recipe.coherence_um, tolerance=recipe.tolerance
+    )
+    across, along = (last - first for first, last in (window.across, window.along))
+    if (gib := terms * across * along * 8 / 2**30) > _MOST_TABLE_GIB:
+        rows, columns = patch.height_um.shape
+        raise InputError(
+            f"a surface of {columns * patch.pitch_um:.4g} x {rows * patch.pitch_um:.4g} um has {across} x {along} "
+            f"spectral lines, which take {gib:.3g} GiB with {terms} terms",
+            expected=f"at most {_MOST_TABLE_GIB:g} GiB",
+            hint=f"is a pitch of {patch.pitch_um:g} um right? extract.cropped keeps a part of the surface",
+        )
 
 
 def _warn(
@@ -182,7 +240,7 @@ def _warn(
         if jump > _SEAM:
             _log.warning(
                 "The surface does not repeat, and the tile jumps at its border by %.1f times its largest step inside: "
-                "that diffracts along the axes.",
+                "that diffracts along the axes. extract.seamless takes the seam away.",
                 jump,
             )
 
@@ -193,5 +251,5 @@ def _seam(height_um: NDArray[np.float64]) -> float:
     for axis in (0, 1):
         step = np.diff(height_um, axis=axis, append=np.take(height_um, [0], axis=axis))
         rms = np.sqrt((step**2).mean(axis=1 - axis))
-        ratios.append(float(rms[-1] / max(rms[:-1].max(), 1e-12)))
+        ratios.append(float(rms[-1] / max(rms[:-1].max(initial=0.0), 1e-12)))
     return max(ratios)

@@ -12,6 +12,8 @@ Float64Array = NDArray[np.float64]
 Spectrum = Literal["D65", "A", "inverse A", "E"]
 
 FIRST_NM, LAST_NM = 380.0, 780.0
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Of linear sRGB (IEC 61966-2-1)."""
 
 
 @lru_cache(maxsize=8)

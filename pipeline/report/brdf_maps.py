@@ -7,20 +7,19 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from pipeline.data.diffraction import BrdfMap
-from pipeline.optics.colour import encode_srgb
+from pipeline.optics.colour import LUMINANCE, encode_srgb
 from pipeline.report.encoded import webp_uri
 from pipeline.report.pictures import PICTURE_PIXELS, Figure
 from pipeline.report.shades import reduced
 
 _WHITE_PERCENTILE = 99.0
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 def exposed(
     rgb: NDArray[np.floating], white_percentile: float = _WHITE_PERCENTILE
 ) -> tuple[NDArray[np.float32], float]:
     """Pictures encoded for a display, and what is shown as white: brighter than most, not than a mirror."""
-    bright = (np.clip(rgb, 0, None) @ _LUMINANCE)[rgb.any(axis=-1)]
+    bright = (np.clip(rgb, 0, None) @ LUMINANCE)[rgb.any(axis=-1)]
     white = float(np.percentile(bright, white_percentile)) if bright.size else 1.0
     return encode_srgb(rgb / (white or 1.0)), white or 1.0
 
@@ -37,7 +36,7 @@ def brdf_maps(value: BrdfMap) -> list[Figure]:
     return [
         Figure(
             "BRDF",
-            Markup('<div class="sheet large">{}</div>').format(Markup("").join(cells)),
+            Markup('<div class="sheet few">{}</div>').format(Markup("").join(cells)),
             f"{value.caption}{'. ' if value.caption else ''}Seen from all directions above: the middle of a disc is "
             f"the normal, its edge grazing, x to the right, y up. Relative to a mirror at normal incidence; white is "
             f"{white:.3g}. Evaluator: {value.evaluator}.",

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pipeline.optics.diffraction.patch import Float32Array, Float64Array, RowKernel, frequency_sigma
+from pipeline.optics.diffraction.patch import (
+    Components,
+    Float32Array,
+    Float64Array,
+    RowKernel,
+    frequency_sigma,
+    spread_out,
+)
 
 
 @dataclass(frozen=True)
@@ -27,13 +34,13 @@ class BumpResponse:
 
     def rows(
         self,
-        uvw: tuple[Float64Array, Float64Array, Float64Array],
+        uvw: Components,
         wavelength_um: Float64Array,
         weights: Float64Array,
         out: Float32Array,
     ) -> RowKernel:
         """As :class:`SpectralResponse` says; heights do not matter."""
-        parts = [np.ascontiguousarray(np.broadcast_to(part, out.shape[1:])) for part in uvw]
+        parts = spread_out(uvw, out.shape[1:])
         share, sigma = weights.T.astype(np.float32), frequency_sigma(self.coherence_um)
         lattice = self.lattice_per_um
         return lambda start, stop: _bump_rows(lattice, sigma, *parts, wavelength_um, share, start, stop, out)

@@ -17,15 +17,16 @@ from numpy.polynomial import chebyshev as polynomials
 from scipy.special import jv
 
 from pipeline.optics.diffraction.patch import (
+    Components,
     Float32Array,
     Float64Array,
-    Lines,
     Patch,
     RowKernel,
-    lines_of,
+    Window,
     quotient_range,
-    reached,
     spectral_lines,
+    spread_out,
+    window_over,
 )
 
 
@@ -37,10 +38,8 @@ class ChebyshevResponse:
     ----------
     table : ndarray of shape (Y, N, 2, X), float32
         Real and imaginary part of the N Chebyshev coefficients of every spectral line that can be reached.
-    origin : tuple of int
-        Lines along x and y of the table's first entry.
-    x, y : Lines
-        The window along either axis.
+    window : Window
+        Over those lines.
     range_per_um : tuple of float
         Least and greatest ``w / lambda`` that the polynomials hold for.
     tolerance : float
@@ -48,16 +47,14 @@ class ChebyshevResponse:
     """
 
     table: Float32Array
-    origin: tuple[int, int]
-    x: Lines
-    y: Lines
+    window: Window
     range_per_um: tuple[float, float]
     tolerance: float
     relief_um: float
 
     def rows(
         self,
-        uvw: tuple[Float64Array, Float64Array, Float64Array],
+        uvw: Components,
         wavelength_um: Float64Array,
         weights: Float64Array,
         out: Float32Array,
@@ -89,14 +86,14 @@ class ChebyshevResponse:
         basis = np.ascontiguousarray(np.where(np.isnan(w), 0.0, basis), np.float32)
         combine = np.ascontiguousarray(self._polynomials(at / wavelength_um[:, None]), np.float32)
         fx, fy = u / wavelength_um[:, None], v / wavelength_um[:, None]
-        first = self.x.first(fx) - np.int32(self.origin[0]), self.y.first(fy) - np.int32(self.origin[1])
-        window = self.x.weights(fx), self.y.weights(fy)
+        x, y, origin = self.window.x, self.window.y, self.window.origin.astype(np.int32)
+        first, window = (x.first(fx) - origin[0], y.first(fy) - origin[1]), (x.weights(fx), y.weights(fy))
         table = self.table
         return lambda start, stop: _grid_rows(table, combine, first, window, basis, share, start, stop, out)
 
     def _scattered(
         self,
-        uvw: tuple[Float64Array, Float64Array, Float64Array],
+        uvw: Components,
         wavelength_um: Float64Array,
         share: Float32Array,
         out: Float32Array,
@@ -104,9 +101,7 @@ class ChebyshevResponse:
         low, high = self.range_per_um
         table = np.ascontiguousarray(np.transpose(self.table, (0, 3, 1, 2)))
         scale = np.array([(low + high) / 2, max((high - low) / 2, 1e-12)])
-        axes = np.array([[lines.spacing, lines.sigma, lines.radius, lines.count] for lines in (self.x, self.y)])
-        parts = [np.ascontiguousarray(np.broadcast_to(part, out.shape[1:])) for part in uvw]
-        origin = np.array(self.origin)
+        axes, origin, parts = self.window.axes, self.window.origin, spread_out(uvw, out.shape[1:])
         return lambda start, stop: _scattered_rows(
             table, origin, axes, scale, *parts, wavelength_um, share, start, stop, out
         )
@@ -119,7 +114,7 @@ class ChebyshevResponse:
 
 def chebyshev_response(
     patch: Patch,
-    uvw: tuple[Float64Array, Float64Array, Float64Array],
+    uvw: Components,
     wavelength_um: Float64Array,
     *,
     coherence_um: float,
@@ -148,21 +143,20 @@ def chebyshev_response(
     """
     low, high = quotient_range(uvw[2], wavelength_um)
     count = degree_for(np.pi * (high - low) * patch.relief_um / 2, tolerance) if degree is None else degree
-    x, y = lines_of(patch, coherence_um, tolerance)
-    across, along = reached(x, uvw[0], wavelength_um), reached(y, uvw[1], wavelength_um)
+    window = window_over(patch, uvw, wavelength_um, coherence_um=coherence_um, tolerance=tolerance)
     nodes = polynomials.chebpts1(count) if count > 1 else np.zeros(1)
     to_coefficients = np.linalg.inv(polynomials.chebvander(nodes, count - 1))
     turns = (2 * np.pi * patch.centred()).astype(np.float32)
     field = np.empty(turns.shape, np.complex64)
-    values = np.empty((count, along[1] - along[0], across[1] - across[0]), np.complex64)
+    values = np.empty((count, *(stop - start for start, stop in (window.along, window.across))), np.complex64)
     for value, q in zip(values, (low + high) / 2 + (high - low) / 2 * nodes, strict=True):
         phase = np.float32(q) * turns
         np.cos(phase, out=field.real)
         np.sin(phase, out=field.imag)
-        value[:] = spectral_lines(field, across, along, workers)
+        value[:] = spectral_lines(field, window.across, window.along, workers)
     found = np.tensordot(to_coefficients.astype(np.float32), values, 1)
     table = np.ascontiguousarray(np.stack([found.real, found.imag], axis=1).transpose(2, 0, 1, 3), np.float32)
-    return ChebyshevResponse(table, (across[0], along[0]), x, y, (low, high), tolerance, patch.relief_um)
+    return ChebyshevResponse(table, window, (low, high), tolerance, patch.relief_um)
 
 
 def degree_for(phase_rad: float, tolerance: float) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pipeline.optics.diffraction.patch import Float32Array, Float64Array, Patch, RowKernel
+from pipeline.optics.diffraction.patch import Components, Float32Array, Float64Array, Patch, RowKernel, spread_out
 
 _REACH = 5.0
 """Standard deviations of the coherence window after which its tail, 6e-7 of its sum, is left out."""
@@ -35,13 +35,13 @@ class DirectResponse:
 
     def rows(
         self,
-        uvw: tuple[Float64Array, Float64Array, Float64Array],
+        uvw: Components,
         wavelength_um: Float64Array,
         weights: Float64Array,
         out: Float32Array,
     ) -> RowKernel:
         """As :class:`SpectralResponse` says; every direction costs a sum over all samples, so few can be asked for."""
-        parts = [np.ascontiguousarray(np.broadcast_to(part, out.shape[1:])) for part in uvw]
+        parts = spread_out(uvw, out.shape[1:])
         surface = (self.x_um, self.y_um, self.height_um, self.x_window, self.y_window)
         share = weights.T.astype(np.float64)
         return lambda start, stop: _direct_rows(*surface, *parts, wavelength_um, share, start, stop, out)
@@ -101,7 +101,7 @@ class NonuniformResponse:
 
     def rows(
         self,
-        uvw: tuple[Float64Array, Float64Array, Float64Array],
+        uvw: Components,
         wavelength_um: Float64Array,
         weights: Float64Array,
         out: Float32Array,

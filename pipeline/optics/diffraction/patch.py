@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 RowKernel = Callable[[int, int], None]
+Components = tuple[Float64Array, Float64Array, Float64Array]
+"""Of ``(u, v, w) = -light - view``, each of shape (M, N)."""
 
 
 @dataclass(frozen=True)
@@ -87,12 +89,47 @@ def frequency_sigma(coherence_um: float) -> float:
     return 4 / (2 * np.pi * coherence_um)
 
 
-def lines_of(patch: Patch, coherence_um: float, tolerance: float) -> tuple[Lines, Lines]:
-    """Along x and y, with tails left out where the window falls below ``tolerance``."""
+@dataclass(frozen=True)
+class Window:
+    """A Gaussian window over a patch's spectral lines, and the lines that it reaches from a range of directions.
+
+    Attributes
+    ----------
+    x, y : Lines
+        Along either axis.
+    across, along : tuple of int
+        First line and the one after the last, along x and y.
+    """
+
+    x: Lines
+    y: Lines
+    across: tuple[int, int]
+    along: tuple[int, int]
+
+    @property
+    def origin(self) -> NDArray[np.int64]:
+        """First lines along x and y."""
+        return np.array([self.across[0], self.along[0]])
+
+    @property
+    def axes(self) -> Float64Array:
+        """Spacing, sigma, radius and count of the lines along x and y, shape (2, 4)."""
+        return np.array([[lines.spacing, lines.sigma, lines.radius, lines.count] for lines in (self.x, self.y)])
+
+
+def window_over(
+    patch: Patch, uvw: Components, wavelength_um: Float64Array, *, coherence_um: float, tolerance: float
+) -> Window:
+    """The coherence window, with tails left out where it falls below ``tolerance``."""
     sigma = frequency_sigma(coherence_um)
     radius = sigma * float(np.sqrt(2 * np.log(1 / tolerance)))
-    along_x, along_y = patch.spacing_per_um
-    return Lines(along_x, sigma, radius), Lines(along_y, sigma, radius)
+    x, y = (Lines(spacing, sigma, radius) for spacing in patch.spacing_per_um)
+    return Window(x, y, reached(x, uvw[0], wavelength_um), reached(y, uvw[1], wavelength_um))
+
+
+def spread_out(uvw: Components, shape: tuple[int, ...]) -> list[Float64Array]:
+    """Each component for each direction, contiguous, for compiled loops."""
+    return [np.ascontiguousarray(np.broadcast_to(part, shape)) for part in uvw]
 
 
 def spectral_lines(
@@ -139,7 +176,7 @@ class SpectralResponse(Protocol):
 
     def rows(
         self,
-        uvw: tuple[Float64Array, Float64Array, Float64Array],
+        uvw: Components,
         wavelength_um: Float64Array,
         weights: Float64Array,
         out: Float32Array,

@@ -12,7 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pipeline.optics.diffraction.patch import Float32Array, Float64Array, Patch, RowKernel, quotient_range
+from pipeline.optics.diffraction.patch import (
+    Components,
+    Float32Array,
+    Float64Array,
+    Patch,
+    RowKernel,
+    quotient_range,
+    spread_out,
+)
 from pipeline.optics.diffraction.taylor import (
     Complex128Array,
     phase_range,
@@ -51,13 +59,13 @@ class ReplicaResponse:
 
     def rows(
         self,
-        uvw: tuple[Float64Array, Float64Array, Float64Array],
+        uvw: Components,
         wavelength_um: Float64Array,
         weights: Float64Array,
         out: Float32Array,
     ) -> RowKernel:
         """As :class:`SpectralResponse` says, with a row of patches for the window."""
-        parts = [np.ascontiguousarray(np.broadcast_to(part, out.shape[1:])) for part in uvw]
+        parts = spread_out(uvw, out.shape[1:])
         share, table, reach = weights.T.astype(np.float32), self.table, self.reach
         origin, spacing, count = np.array(self.origin), np.array(self.spacing_per_um), np.array(self.replicas)
         return lambda start, stop: _replica_rows(
@@ -67,7 +75,7 @@ class ReplicaResponse:
 
 def replica_response(
     patch: Patch,
-    uvw: tuple[Float64Array, Float64Array, Float64Array],
+    uvw: Components,
     wavelength_um: Float64Array,
     *,
     coherence_um: float,

@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from pipeline.optics.diffraction.patch import (
+    Components,
     Float32Array,
     Float64Array,
-    Lines,
     Patch,
     RowKernel,
-    lines_of,
+    Window,
     quotient_range,
-    reached,
     spectral_lines,
+    spread_out,
+    window_over,
 )
 
 Complex128Array = NDArray[np.complex128]
@@ -36,32 +37,26 @@ class TaylorResponse:
     ----------
     table : ndarray of shape (N, Y, X), complex128
         Spectral lines of ``(2 pi i h)^n / n!``.
-    origin : tuple of int
-        Lines along x and y of the table's first entry.
-    x, y : Lines
-        The window along either axis.
+    window : Window
+        Over those lines.
     orders_per_um : ndarray of shape (O, 2)
         Frequencies of the orders that light is looked for at, and nowhere else; none if all wavelengths are sampled.
     """
 
     table: Complex128Array
-    origin: tuple[int, int]
-    x: Lines
-    y: Lines
+    window: Window
     orders_per_um: Float64Array
 
     def rows(
         self,
-        uvw: tuple[Float64Array, Float64Array, Float64Array],
+        uvw: Components,
         wavelength_um: Float64Array,
         weights: Float64Array,
         out: Float32Array,
     ) -> RowKernel:
         """As :class:`SpectralResponse` says."""
-        axes = np.array([[lines.spacing, lines.sigma, lines.radius, lines.count] for lines in (self.x, self.y)])
-        parts = [np.ascontiguousarray(np.broadcast_to(part, out.shape[1:])) for part in uvw]
-        share, origin = weights.T.astype(np.float32), np.array(self.origin)
-        table, orders = self.table, self.orders_per_um
+        axes, origin, parts = self.window.axes, self.window.origin, spread_out(uvw, out.shape[1:])
+        share, table, orders = weights.T.astype(np.float32), self.table, self.orders_per_um
         return lambda start, stop: _taylor_rows(
             table, origin, axes, orders, *parts, wavelength_um, share, start, stop, out
         )
@@ -69,7 +64,7 @@ class TaylorResponse:
 
 def taylor_response(
     patch: Patch,
-    uvw: tuple[Float64Array, Float64Array, Float64Array],
+    uvw: Components,
     wavelength_um: Float64Array,
     *,
     coherence_um: float,
@@ -93,11 +88,10 @@ def taylor_response(
         taken to be dark (NMM).
     """
     count = taylor_terms(phase_range(patch, uvw[2], wavelength_um), tolerance) if terms is None else terms
-    x, y = lines_of(patch, coherence_um, tolerance)
-    across, along = reached(x, uvw[0], wavelength_um), reached(y, uvw[1], wavelength_um)
-    table = taylor_table(patch.height_um - patch.height_um.min(), count, across, along, workers)
+    window = window_over(patch, uvw, wavelength_um, coherence_um=coherence_um, tolerance=tolerance)
+    table = taylor_table(patch.height_um - patch.height_um.min(), count, window.across, window.along, workers)
     orders = np.empty((0, 2)) if orders_per_um is None else np.asarray(orders_per_um, np.float64)
-    return TaylorResponse(table, (across[0], along[0]), x, y, orders)
+    return TaylorResponse(table, window, orders)
 
 
 def taylor_terms(phase_rad: float, tolerance: float) -> int:
@@ -135,7 +129,9 @@ def _taylor_rows(  # type: ignore[no-untyped-def]
                 fx, fy = u[row, j] / wavelength[i], v[row, j] / wavelength[i]
                 near = len(orders) == 0
                 for o in range(len(orders)):
-                    near = near or (abs(fx - orders[o, 0]) <= radius and abs(fy - orders[o, 1]) <= radius)
+                    if abs(fx - orders[o, 0]) <= radius and abs(fy - orders[o, 1]) <= radius:
+                        near = True
+                        break
                 if not near:
                     continue
                 x0, y0 = int(np.ceil((fx - radius) / x_spacing)), int(np.ceil((fy - radius) / y_spacing))

@@ -14,6 +14,7 @@ from pipeline.data.pictures import PictureSeries
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within, zero_or_more
 from pipeline.optics.angles import axial_difference, wrap_axial
+from pipeline.optics.colour import LUMINANCE
 from pipeline.optics.glint import glint, half_vectors
 from pipeline.optics.gratings import window_spread
 from pipeline.progress import advance
@@ -22,7 +23,6 @@ _log = logging.getLogger(__name__)
 
 Float64Array = NDArray[np.float64]
 
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _PEAKS_APART_DEG = 10.0
 _LEAST_SAMPLES = 10
 
@@ -204,7 +204,7 @@ def _compared(
         photos.light_mm[:, None, :] - np.concatenate([position, np.zeros((len(position), 1))], axis=1), axis=2
     )
     spread = np.hypot(light_sigma_mm / distance, window_spread(0.559, coherence_um))
-    luminance = photos.rgb.reshape(len(photos.rgb), -1, 3)[:, places].astype(np.float64) @ _LUMINANCE
+    luminance = photos.rgb.reshape(len(photos.rgb), -1, 3)[:, places].astype(np.float64) @ LUMINANCE
     theta = orientation.orientation_rad.ravel()[places].astype(np.float64)
     return half, spread, theta, period.period_um.ravel()[places].astype(np.float64), luminance
 

@@ -9,11 +9,10 @@ import numpy as np
 
 from pipeline.data.diffraction import BrdfMap
 from pipeline.data.height_fields import HeightField, Periodicity
-from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, patch_of, recipe_of, responses
+from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses
 from pipeline.limits import above_zero, at_least, refuse, within
 from pipeline.optics.colour import FIRST_NM, LAST_NM, white_balanced_weights
 from pipeline.optics.diffraction.directions import disc_of_views, relative_gain, unit_vector
-from pipeline.optics.diffraction.evaluators import terms_and_error
 
 _log = logging.getLogger(__name__)
 
@@ -38,12 +37,12 @@ def brdf_map(
     refractive_index: float = 1.5,
     shadowed: bool = True,
 ) -> BrdfMap:
-    """Draw the BRDF of a surface over all directions of view, relative to that of a mirror.
+    """Draw what a surface sends to all directions of view, relative to a mirror at normal incidence.
 
     The surface repeats without end, and light is coherent over a Gaussian window. At each direction and wavelength the
     response is ``|P|^2``, with ``P`` the windowed transform of ``exp(2 pi i w h / lambda)`` at ``(u, v) / lambda`` and
     ``(u, v, w) = -light - view``; it is summed over wavelengths to a colour, and multiplied with what geometry, Fresnel
-    reflection and V-shaped grooves make of it.
+    reflection and V-shaped grooves make of it. That is the BRDF times the cosine of the light's angle.
 
     Parameters
     ----------
@@ -63,7 +62,7 @@ def brdf_map(
     size_px : int
         Pixels across the disc, whose edge is at grazing view.
     wavelength_step : float, optional
-        In nm; by default the widest that shows every order, from the coherence window.
+        In nm; by default the widest that shows every order, from the coherence window and the relief.
     illuminant : {"D65", "A", "inverse A", "E"}
         Spectrum of the light; a mirror under it is white.
     coherence_um : float
@@ -86,7 +85,7 @@ def brdf_map(
     Raises
     ------
     InputError
-        Heights are missing, or the evaluator needs what is not there.
+        Heights are missing or differ too much, or the evaluator needs what is not there.
 
     References
     ----------
@@ -95,23 +94,22 @@ def brdf_map(
     recipe = recipe_of(evaluator, coherence_um, tolerance, terms, periods)
     lights = unit_vector(np.deg2rad(light_deg), np.deg2rad(light_azimuth_deg))
     rgb = np.zeros((len(lights), size_px, size_px, 3), np.float32)
-    patch = patch_of(surface)
     steps, metrics = list[float](), dict[str, float]()
     for picture, light in zip(rgb, lights, strict=True):
         directions = disc_of_views(light, size_px)
-        step = wavelength_step or automatic_step_nm(directions, coherence_um)
+        step = wavelength_step or automatic_step_nm(surface, directions, coherence_um)
         first = not steps
         steps.append(step)
         wavelength_nm, weights = white_balanced_weights(illuminant, step)
-        colour = responses(surface, recipe, directions, wavelength_nm, weights, tell=first)
-        if (needed := terms_and_error(recipe, patch, directions, wavelength_nm / 1000)) is not None:
-            metrics["terms"] = max(metrics.get("terms", 0.0), needed[0])
-            bound = max(metrics.get("amplitude_error_bound", 0.0), needed[1])
+        response = responses(surface, recipe, directions, wavelength_nm, weights, tell=first)
+        if response.terms is not None and response.amplitude_error is not None:
+            metrics["terms"] = max(metrics.get("terms", 0.0), response.terms)
+            bound = max(metrics.get("amplitude_error_bound", 0.0), response.amplitude_error)
             metrics["amplitude_error_bound"] = min(bound, _NONSENSE)
         gain = relative_gain(directions, refractive_index=refractive_index, shadowed=shadowed)
-        picture[:] = np.nan_to_num(np.moveaxis(colour, 0, -1) * gain[..., None].astype(np.float32))
+        picture[:] = np.nan_to_num(np.moveaxis(response.sums, 0, -1) * gain[..., None].astype(np.float32))
     if wavelength_step is None:
-        _log.info("Wavelength steps of %s nm show every order.", ", ".join(f"{step:.2g}" for step in steps))
+        _log.info("Wavelength steps are %s nm.", ", ".join(f"{step:.2g}" for step in steps))
     metrics["brdf_largest"] = float(rgb.max())
     metrics["wavelength_step_nm"] = min(steps)
     return BrdfMap(rgb, lights, evaluator, surface.caption, metrics)

@@ -102,7 +102,7 @@ def diffraction_shading(
     evaluator, illuminant, coherence_um, tolerance, terms, refractive_index, shadowed
         As in :func:`render.brdf_map`.
     wavelength_step : float, optional
-        In nm; by default the widest that shows every order, from the coherence window.
+        In nm; by default the widest that shows every order, from the coherence window and the relief.
 
     Returns
     -------
@@ -139,10 +139,10 @@ def diffraction_shading(
         every = Directions(*(np.concatenate([getattr(d, end) for d in directions]) for end in ("light", "view")))
         if not len(every.light):
             raise InputError("the camera sees no surface that is lit", expected="light and camera on one side of it")
-        step = step or automatic_step_nm(every, coherence_um)
+        step = step or automatic_step_nm(surface, every, coherence_um)
         wavelength_nm, weights = white_balanced_weights(illuminant, step)
         moved, together = _moved(surface, place), packed(every, _ABREAST)
-        response = responses(moved, recipe, together, wavelength_nm, weights, tell=sample == 0)
+        response = responses(moved, recipe, together, wavelength_nm, weights, tell=sample == 0).sums
         colour = blended(
             response.reshape(3, -1).T[: len(every.light)],
             np.concatenate(albedo),
@@ -157,7 +157,7 @@ def diffraction_shading(
         rgb[where] += colour / samples
         advance(sample + 1, samples)
     if wavelength_step is None:
-        _log.info("A wavelength step of %.2g nm shows every order.", step)
+        _log.info("The wavelength step is %.2g nm.", step)
     labels = tuple(_label(away, field_of_view_deg) for away in distance_mm)
     return Pictures(rgb.astype(np.float32), labels, surface.caption)
 
