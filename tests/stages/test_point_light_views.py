@@ -139,6 +139,18 @@ def test_large_pictures_are_looked_up_and_the_choice_is_told(
     assert [record.levelname for record in caplog.records if "table" in record.getMessage()] == ["WARNING"]
 
 
+def test_gratings_too_deep_for_a_table_are_summed(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    monkeypatch.setattr(virtual_sheet, "_WORTH_A_TABLE", 1)
+    settings = {"lights_mm": LIGHTS, "depth_um": 400.0, "camera_mm": [200.0, 0.0, 200.0], "wavelength_step_nm": 50.0}
+    assert np.isfinite(point_light(*maps(), **settings).rgb).all()
+    assert "The spectrum is summed: a table of colours would have" in caplog.text
+    with pytest.raises(InputError, match=r"more than \d+"):
+        point_light(*maps(), evaluator="tabulated", **settings)
+
+
 def test_a_sheet_without_gratings_is_black() -> None:
     angle, period = maps()
     angle.orientation_rad[:] = np.nan

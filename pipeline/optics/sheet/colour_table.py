@@ -24,7 +24,7 @@ MIDDLE_UM = 0.55
 _COLOUR_UM, _WIDTH_UM = 0.015, 0.025
 """Over how much of wavelength and of width colours bend: ``sqrt(colour / second derivative)``."""
 _NEGLIGIBLE = 1e-3
-_MOST_NODES = 4096
+_MOST_NODES = 1 << 22
 _FINEST_NM, _COARSEST_NM = 0.1, 2.0
 
 
@@ -110,6 +110,11 @@ def colour_table(
         Error of a colour, relative to the brightest of its order, that interpolation may make.
     normal_reflectance : float
         See :class:`ColourTable`.
+
+    Raises
+    ------
+    ValueError
+        The table would be too large: gratings are deep, or what occurs differs a lot.
     """
     per_um = float(window_spread(1.0, coherence_um))
     first, last = FIRST_NM / 1000, LAST_NM / 1000
@@ -123,7 +128,10 @@ def colour_table(
     root_width = _axis(np.sqrt(narrow), np.sqrt(wide), part * np.sqrt(_WIDTH_UM) / 2)
     w = _axis(*occurring.w, part * 2 * first / (2 * np.pi * max(depth_um, 1e-6)))
     added = _axis(np.sqrt(least), np.sqrt(most), part * 2 * per_um * MIDDLE_UM)
-    distance = _axis(0.0, REACH * last / MIDDLE_UM, part)
+    distance = _axis(0.0, REACH * last / MIDDLE_UM, part / 3)
+    nodes = highest * w.count * root_width.count * wavelength.count
+    if nodes > _MOST_NODES:
+        raise ValueError(f"a table of colours would have {nodes} nodes, more than {_MOST_NODES}")
     step = float(np.clip(600 * narrow / highest, _FINEST_NM, _COARSEST_NM))
     sampled_nm, weights = white_balanced_weights(light, step)
     sampled = sampled_nm / 1000
@@ -166,4 +174,4 @@ def _zeroth(
 
 def _axis(low: float, high: float, step: float) -> Axis:
     high = max(high, low * (1 + 1e-6) + 1e-9)
-    return Axis(float(low), float(high), int(np.clip(np.ceil((high - low) / step) + 1, 2, _MOST_NODES)))
+    return Axis(float(low), float(high), max(2, int(np.ceil((high - low) / step)) + 1))
