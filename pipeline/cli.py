@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -361,12 +362,10 @@ def _serve(line: Line) -> int:
 
     if len(line.words) != 1:
         raise InputError("serve takes one run", where="command line", expected="serve RUN [--port N]")
-    with ReportServer(Path(line.words[0]), PORT if line.port is None else line.port) as server:
+    port = PORT if line.port is None else line.port
+    with suppress(KeyboardInterrupt), ReportServer(Path(line.words[0]), port) as server:
         print(f"{server.url}  until Ctrl-C; /outputs lists the files", flush=True)
-        try:
-            server.serve_forever()
-        except KeyboardInterrupt:
-            return 0
+        server.serve_forever()
     return 0
 
 
