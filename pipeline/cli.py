@@ -192,10 +192,26 @@ def _run(line: Line) -> int:
     if line.multirun:
         return _sweep(line)
     start = time.perf_counter()
-    experiment = Experiment.load(line.words, line.folders)
+    try:
+        experiment = Experiment.load(line.words, line.folders)
+    except InputError:
+        if _gives_a_study_several_values(line):
+            return _sweep(line)
+        raise
     if experiment.configuration.sweeps:
         return _sweep(line)
     return _carry_out(experiment, line, start)
+
+
+def _gives_a_study_several_values(line: Line) -> bool:
+    """Whether the experiment sweeps by itself, and words that one run would refuse say over what."""
+    from pipeline.bench import Experiment
+    from pipeline.graph.compose import is_sweep
+
+    others = [word for word in line.words if not is_sweep(word)]
+    with suppress(InputError, InputErrors):
+        return len(others) < len(line.words) and Experiment.load(others, line.folders).configuration.sweeps
+    return False
 
 
 def _rerun(line: Line) -> int:

@@ -25,6 +25,7 @@ from pipeline.data.polarization import LineDeviation, PolarizerResponse
 from pipeline.errors import PipelineError
 from pipeline.optics.colour import encode_srgb
 from pipeline.parallel import threads
+from pipeline.report import FORMAT, RECORD, is_current
 from pipeline.report.brdf_maps import exposed
 from pipeline.report.diffraction_peaks import grating_angles
 from pipeline.report.encoded import png
@@ -41,10 +42,7 @@ from pipeline.report.svg import standalone
 from pipeline.report.view import RunView
 from pipeline.storage.files import write_bytes, write_text
 
-FORMAT = 2
-"""Counts up when the same value is written differently, so that older files are written anew."""
-
-RECORD, CHARTS = ".written.json", ".charts.json"
+CHARTS = ".charts.json"
 SHEET_PIXELS = 400
 
 Written = Iterator[Path]
@@ -69,7 +67,7 @@ def write_values(run: RunView) -> list[Path]:
     kept = {file for entry in now.values() for file in entry["files"]}
     for file in {file for entry in before.values() for file in entry["files"]} - kept:
         (folder / file).unlink(missing_ok=True)
-    if now != before:
+    if now != before or not is_current(run.path):
         write_text(folder / RECORD, json.dumps({"format": FORMAT, "nodes": now}, indent=1))
     return [*(folder / file for entry in now.values() for file in entry["files"]), _write_metrics(folder, run)]
 
