@@ -164,7 +164,14 @@ def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(InputError, match=r"relief of 20 um asks flss for \d+ terms"):
         brdf_map(grating(depth_um=20.0), evaluator="flss", **few)
     brdf_map(filled(HeightField(holed, 0.1)), **few)
-    for setting, value in (("light_deg", [95.0]), ("tolerance", 2.0), ("terms", 0), ("coherence_um", 0.0)):
+    for setting, value in (
+        ("light_deg", [95.0]),
+        ("tolerance", 2.0),
+        ("terms", 0),
+        ("coherence_um", 0.0),
+        ("light_deg", []),
+        ("refractive_index", 1.0),
+    ):
         whole = {
             "wavelength_step": None,
             "terms": None,
