@@ -28,7 +28,7 @@ def peaks(found: int = 9) -> DiffractionPeaks:
     angle = order_angle(2.5, wavelength / 1000, 1, LIGHT)
     response = np.exp(-(((view - angle[:, None]) / 0.01) ** 2)).astype(np.float32)
     kept = np.arange(9) < found
-    period, figures = np.where(kept, 2.5, np.nan), {"peaks": float(found), "peaks_percent": 100 * found / 9}
+    period, figures = np.where(kept, 2.5, np.nan), {"peaks": float(found)}
     if found:
         figures |= {"period_um": 2.5, "period_spread_nm": 0.0, "spectrum_period_um": 2.49}
     return DiffractionPeaks(
