@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.diffraction import BrdfMap, DiffractionPeaks, SlitPatterns
-from pipeline.data.gratings import GratingSample, OrientationError, OrientationMap, PeriodMap
+from pipeline.data.gratings import PARAMETER, GratingSample, OrientationError, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.inspection import Defects, Inspection
 from pipeline.data.photographs import PolarizerSequence
 from pipeline.data.pictures import Pictures, PictureSeries
 from pipeline.data.polarization import LineDeviation, PolarizerResponse
+from pipeline.data.printing import PrintLayout
 from pipeline.errors import PipelineError
 from pipeline.optics.colour import encode_srgb
 from pipeline.parallel import threads
@@ -35,6 +36,7 @@ from pipeline.report.labelled_pictures import exposed_pictures
 from pipeline.report.maps import Scale, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import Figure
+from pipeline.report.print_layouts import dots_csv, tiff
 from pipeline.report.responses import shown_rows
 from pipeline.report.shades import colours, orientation_colours, reduced
 from pipeline.report.slit_patterns import strips
@@ -164,19 +166,36 @@ def _orientation(stem: Path, value: OrientationMap) -> Written:
     }
     if value.standard_error_rad is not None:
         channels["standard_error_rad"] = value.standard_error_rad
-    yield _exr(stem, channels, pixel_mm=value.pixel_mm)
+    parameters = {f"{PARAMETER}{name}": number for name, number in value.parameters.items()}
+    yield _exr(stem, channels, pixel_mm=value.pixel_mm, absolute=value.absolute, **parameters)
     yield _png(stem, orientation_colours(value.orientation_rad))
 
 
 def _period(stem: Path, value: PeriodMap) -> Written:
-    yield _exr(stem, {"period_um": value.period_um, "mask": value.mask}, pixel_mm=value.pixel_mm)
+    channels = {"period_um": value.period_um, "mask": value.mask}
+    yield _exr(stem, channels, pixel_mm=value.pixel_mm, relative=value.relative)
     yield _png(stem, _coloured(value.period_um, spread(value.period_um, "period (µm)")))
 
 
 def _sample(stem: Path, value: GratingSample) -> Written:
     every = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
     channels = {name: member for name, member in every.items() if isinstance(member, np.ndarray)}
-    yield _exr(stem, channels, pixel_mm=value.pixel_mm)
+    numbers = {name: member for name, member in every.items() if isinstance(member, float)}
+    yield _exr(stem, channels, **numbers, absolute=True, relative=False)
+
+
+def _print_layout(stem: Path, value: PrintLayout) -> Written:
+    """As a table, as pictures, and with the channels of maps."""
+    angle, density = value.orientation_deg, value.lines_per_mm
+    channels = {"orientation_rad": np.deg2rad(angle), "period_um": 1000 / density}
+    yield _exr(stem, channels, pixel_mm=value.dot_mm, absolute=True, relative=False)
+    path = stem.with_name(f"{stem.name}.csv")
+    write_text(path, dots_csv(value))
+    yield path
+    for name, values in {"orientation_deg": angle, "lines_per_mm": density}.items():
+        path = stem.with_name(f"{stem.name}_{name}.tif")
+        write_bytes(path, tiff(values, value.dot_mm))
+        yield path
 
 
 def _error(stem: Path, value: OrientationError) -> Written:
@@ -340,6 +359,7 @@ WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     Pictures.__name__: _labelled,
     OrientationMap.__name__: _orientation,
     PeriodMap.__name__: _period,
+    PrintLayout.__name__: _print_layout,
     GratingSample.__name__: _sample,
     OrientationError.__name__: _error,
     PictureSeries.__name__: _pictures,
