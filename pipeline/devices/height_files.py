@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pipeline.data.height_fields import HeightField
 from pipeline.devices.instrument_files import read_instrument_file
 from pipeline.devices.photo_files import RAW_SUFFIXES, read_photo, readable_suffixes
+from pipeline.devices.single_precision import shortest
 from pipeline.errors import InputError, nearest
 from pipeline.optics.height_sampling import squared
 
@@ -134,7 +135,7 @@ def _spec(path: Path) -> tuple[str, float | None]:
     source.close()
     kind = "float" if str(spec.format) in {"half", "float", "double"} else "integer"
     pitch = spec.get_float_attribute("pitch_um", 0.0)
-    return kind, float(str(np.float32(pitch))) if pitch > 0 else None
+    return kind, shortest(pitch) if pitch > 0 else None
 
 
 def _told_pitch(path: Path, told: MapDescription, stated: float | None = None) -> float:

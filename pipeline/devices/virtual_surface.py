@@ -75,6 +75,14 @@ def check_recipe(*, coherence_um: float, tolerance: float, terms: int | None) ->
     )
 
 
+def unreflecting(refractive_index: float) -> list[InputError]:
+    """Problems of a refractive index that no light is reflected by, to be refused before anything runs."""
+    if refractive_index == 1:
+        what = "refractive_index is 1, of which no light is reflected"
+        return [InputError(what, where="refractive_index", expected="another number above 0")]
+    return above_zero(refractive_index=refractive_index)
+
+
 def automatic_step_nm(surface: HeightField, directions: Directions, coherence_um: float) -> float:
     """Widest step of visible wavelengths that shows every order, within reason; logs a warning where that is too wide.
 
@@ -175,7 +183,7 @@ def _patch_of(surface: HeightField) -> Patch:
 
 def _tell_of_terms(recipe: Recipe, terms: int | None, error: float, relief_um: float) -> None:
     if error <= recipe.tolerance * _ROUNDED:
-        _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, terms, recipe.tolerance)
+        _log.info("%s: %d terms leave an amplitude error of at most %g.", recipe.evaluator, terms, recipe.tolerance)
     else:
         _log.warning(
             "%s: %d terms leave an amplitude error of up to %.2g on a relief of %.3g um; asked for are %g.",

@@ -143,6 +143,7 @@ def test_what_cannot_be_photographed_is_told() -> None:
         ("distance_mm", [], "distance_mm is empty"),
         ("distance_mm", [900.0, 5.0], "distance_mm is 5[\\s\\S]*at least 20"),
         ("light_deg", 90.0, "light_deg is 90[\\s\\S]*0 to 89"),
+        ("refractive_index", 1.0, "refractive_index is 1, of which"),
         ("diffuse_share", 1.5, "diffuse_share is 1.5[\\s\\S]*0 to 1"),
         ("field_of_view_deg", 150.0, "field_of_view_deg is 150[\\s\\S]*at most 120"),
     ],

@@ -85,7 +85,7 @@ def diffraction_peaks(
     -------
     DiffractionPeaks
         With the figures ``period_um``, the mean over the wavelengths; ``period_spread_nm``, their standard deviation;
-        ``peaks``, how many wavelengths show one, and ``peaks_percent``, their share; and, where ``periods`` has one in
+        ``peaks``, how many wavelengths show one; and, where ``periods`` has one in
         the plane, ``spectrum_period_um`` and ``off_spectrum_percent``.
 
     Raises
@@ -148,7 +148,7 @@ def diffraction_peaks(
             contrast,
         )
     known = period[np.isfinite(period)]
-    figures = {"peaks": float(known.size), "peaks_percent": 100 * known.size / period.size}
+    figures = {"peaks": float(known.size)}
     if known.size:
         figures |= {"period_um": float(known.mean()), "period_spread_nm": float(1000 * known.std())}
     if expected is not None:

@@ -9,8 +9,9 @@ import numpy as np
 
 from pipeline.data.diffraction import BrdfMap
 from pipeline.data.height_fields import HeightField, Periodicity
-from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses
-from pipeline.limits import above_zero, at_least, refuse, within
+from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses, unreflecting
+from pipeline.errors import InputError
+from pipeline.limits import at_least, refuse, within
 from pipeline.optics.colour import FIRST_NM, LAST_NM, white_balanced_weights
 from pipeline.optics.diffraction.directions import disc_of_views, relative_gain, unit_vector
 
@@ -128,9 +129,10 @@ def _check_brdf_map(
 ) -> None:
     """Refuse impossible directions and sizes before anything runs."""
     refuse(
+        [] if light_deg else [InputError("light_deg is empty", where="light_deg", expected="an angle or more")],
         [problem for angle in light_deg for problem in within(0, 89, light_deg=angle)],
         at_least(2, "a disc of one pixel has no directions", size_px=size_px),
         [] if wavelength_step is None else within(0.1, (LAST_NM - FIRST_NM) / 2, wavelength_step=wavelength_step),
-        above_zero(refractive_index=refractive_index),
+        unreflecting(refractive_index),
     )
     check_recipe(coherence_um=coherence_um, tolerance=tolerance, terms=terms)

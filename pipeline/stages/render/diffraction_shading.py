@@ -10,9 +10,9 @@ import numpy as np
 
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.pictures import Pictures
-from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses
+from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses, unreflecting
 from pipeline.errors import InputError
-from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within
+from pipeline.limits import above_zero_up_to, at_least, refuse, within
 from pipeline.optics.colour import FIRST_NM, LAST_NM, white_balanced_weights
 from pipeline.optics.diffraction.directions import Directions, unit_vector
 from pipeline.optics.rasterise import Camera, Fragments, interpolated, rasterised_rows
@@ -210,6 +210,6 @@ def _check_diffraction_shading(
         at_least(1, "a pixel sees one point or more", samples=samples),
         within(0, 1, diffuse_share=diffuse_share),
         [] if wavelength_step is None else within(0.1, (LAST_NM - FIRST_NM) / 2, wavelength_step=wavelength_step),
-        above_zero(refractive_index=refractive_index),
+        unreflecting(refractive_index),
     )
     check_recipe(coherence_um=coherence_um, tolerance=tolerance, terms=terms)

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import chebyshev as polynomials
 
-from pipeline.optics.diffraction.chebyshev import degree_for
+from pipeline.optics.diffraction.chebyshev import chebyshev_response, degree_for
 from pipeline.optics.diffraction.directions import Directions, disc_of_views, relative_gain, schlick, unit_vector
 from pipeline.optics.diffraction.evaluators import (
     Evaluator,
@@ -61,7 +61,8 @@ def test_the_published_bound_for_a_bump_of_stam_is_met_by_those_terms(terms: int
     assert taylor_terms(x, published) <= terms + 1
 
 
-@given(st.floats(0.01, 200), st.sampled_from(["chebyshev", "flss"]))
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.01, 20), st.sampled_from(["chebyshev", "flss"]))
 def test_no_error_below_single_precision_is_promised(relief_um: float, evaluator: Evaluator) -> None:
     directions, lam = disc_of_views(unit_vector(0.4), 8), np.array([0.4, 0.6])
     patch = Patch(np.array([[0.0, relief_um]]), 0.1)
@@ -85,7 +86,8 @@ def test_the_error_that_is_stated_is_held(relief_um: float, tolerance: float) ->
         amplitudes.append(np.sqrt(out))
     assert np.abs(amplitudes[0] - amplitudes[1]).max() < 2 * max(bound, tolerance) + 1e-6
     assert (bound > tolerance) == (tolerance < 1e-6 or (tolerance < 1e-4 and relief_um > 30))
-    assert terms < 3 * relief_um * np.pi * 5 + 30
+    table = chebyshev_response(patch, directions.uvw, lam, coherence_um=3.0, tolerance=tolerance).table
+    assert table.shape[1] == terms
 
 
 def test_wavelengths_are_a_trapezoid_rule_apart_that_holds_the_tolerance() -> None:
@@ -130,6 +132,7 @@ def test_a_mirror_at_any_angle_has_its_reflectance_once() -> None:
     np.testing.assert_allclose(relative_gain(mirrored, shadowed=False), np.cos(theta) * reflectance / 0.04)
 
 
+@settings(deadline=None)
 @given(st.tuples(*[st.floats(0, 1.4), st.floats(-3, 3)] * 2))
 def test_a_brdf_is_the_same_with_light_and_viewer_exchanged(angles: tuple[float, float, float, float]) -> None:
     light, view = unit_vector(angles[0], angles[1])[None, None], unit_vector(angles[2], angles[3])[None, None]
