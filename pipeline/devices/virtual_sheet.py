@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from pipeline.devices.virtual_light import Image, Lighting, add_light, warn_of_aliasing, white_level
 from pipeline.errors import InputError
+from pipeline.optics.colour import encode_srgb
 from pipeline.optics.gratings import window_spread
 from pipeline.optics.sheet import tabulated
 from pipeline.optics.sheet.colour_table import ColourTable, colour_table
 from pipeline.optics.sheet.extent import Extent, extent
 from pipeline.optics.sheet.maps import Bumps, Tiled, prepared_gratings, sample_rows, slope_rows
+from pipeline.optics.sheet.validity import evanescent_share, expansion_error
 from pipeline.optics.sheet.view import View
 from pipeline.parallel import over_rows
 from pipeline.progress import advance
@@ -29,8 +31,12 @@ _WORTH_A_TABLE = 200_000
 """Pixels and lights below which the sum is done before a table would be made and checked."""
 _CHECKED = 128
 """Pixels along a side of the picture on which a choice is tried."""
-MOST_SAMPLES = 8
-_LIT = 0.01
+MOST_SAMPLES = 32
+"""Along a side of a pixel."""
+_MOST_CHOSEN = 16
+_LIT = 1e-3
+"""Of the brightest, below which a display shows next to nothing."""
+_TOLERATED_EVANESCENT = 0.1
 _SHORTEST_UM = 0.38
 
 _log = logging.getLogger(__name__)
@@ -94,14 +100,14 @@ def automatic_sampling(
 ) -> Sampling:
     """The least points to a pixel of which twice as many change little, and lobes averaged where they change within it.
 
-    Twice as many along a side are compared on some of the pixels, by the root mean square relative to white.
+    Twice as many along a side are compared on some of the pixels, by the root mean square of what a display shows.
     """
-    most = min(MOST_SAMPLES, max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01))))
+    most = min(_MOST_CHOSEN, max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01))))
     if samples is None and most > 1 and np.isfinite(sheet.period_um).any():
         samples, left = _enough_samples(sheet, view, lighting, most, tolerance)
         tell = _log.info if left <= tolerance else _log.warning
         tell(
-            "Each pixel is the mean of %d x %d points; twice as many along a side change it by %.2g percent of white.",
+            "Each pixel is the mean of %d x %d points; twice as many a side change what is shown by %.2g percent.",
             samples,
             samples,
             100 * left,
@@ -148,7 +154,9 @@ def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tol
         finer = mean(2 * samples)
         lit = finer.max(axis=-1) > _LIT * finer.max()
         if lit.any():
-            left = float(np.sqrt(np.mean((finer - picture)[lit] ** 2)) / white_level(finer, 99.5))
+            white = white_level(finer, 99.5)
+            change = encode_srgb(finer[lit] / white) - encode_srgb(picture[lit] / white)
+            left = float(np.sqrt(np.mean(change**2)))
         if left <= tolerance or samples >= most:
             return samples, left
         samples, picture = 2 * samples, finer
@@ -183,6 +191,7 @@ def render_sheet(
     rgb = np.zeros((1 if together else count, view.rows, view.columns, 3), np.float32)
     if not np.isfinite(sheet.period_um).any():
         return rgb
+    _warn_of_theory(sheet, lighting, tolerance)
     add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance)
     steps = count * sampling.samples**2
     done = 0
@@ -194,6 +203,26 @@ def render_sheet(
             advance(done, steps)
     rgb /= np.float32(sampling.samples**2)
     return rgb
+
+
+def _warn_of_theory(sheet: Sheet, lighting: Lighting, tolerance: float) -> None:
+    """Say so where scalar diffraction, or the paper's expansion of it, does not hold."""
+    depth, light = lighting.depth_um, lighting.illuminant
+    if lighting.orders == "second order" and (error := expansion_error(depth, light)) > tolerance:
+        _log.warning(
+            "Orders expanded to the second power of a depth of %g um err by %.2g percent of the light; orders=exact "
+            "does not.",
+            depth,
+            100 * error,
+        )
+    shortest = float(np.nanmin(sheet.period_um))
+    if (lost := evanescent_share(shortest, depth, light)) > _TOLERATED_EVANESCENT:
+        _log.warning(
+            "Scalar diffraction sends %.2g percent of the light of gratings of %.3g um into orders that cannot leave: "
+            "colours there are not to be trusted.",
+            100 * lost,
+            shortest,
+        )
 
 
 Paint = Callable[[Image, NDArray[np.float64]], None]

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import jv
 
-from pipeline.optics.sheet.validity import evanescent_share, expansion_error
+from pipeline.optics.sheet.validity import evanescent_share, expansion_error, leaving_share
 
 
 def test_the_expansion_errs_with_the_fourth_power_of_the_depth() -> None:
@@ -28,3 +28,10 @@ def test_a_long_period_lets_all_orders_leave_and_a_short_one_only_the_mirrors() 
 def test_shares_are_parts_of_the_light(period: float, depth: float, light: str) -> None:
     share = evanescent_share(period, depth, light)  # type: ignore[arg-type]
     assert -1e-9 <= share <= 1
+
+
+def test_what_leaves_balances_energy_where_periods_are_long() -> None:
+    assert leaving_share(20.0, 0.12, "D65") == pytest.approx(1, abs=1e-3)
+    zeroth = jv(0, 2 * 3.14159265 * 0.12 / 0.56) ** 2
+    assert leaving_share(0.2, 0.12, "E") == pytest.approx(zeroth, rel=0.06)
+    assert leaving_share(1.0, 0.0, "A") == pytest.approx(1)
