@@ -25,6 +25,8 @@ class PictureSeries:
         What the pictures show.
     together : bool
         True where all lights are on in one picture.
+    frames_per_second : float or None
+        Of pictures that are shown one after another; None for pictures that are looked at one by one.
     """
 
     rgb: FloatArray
@@ -33,6 +35,7 @@ class PictureSeries:
     pixel_mm: float | None = None
     caption: str = ""
     together: bool = False
+    frames_per_second: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

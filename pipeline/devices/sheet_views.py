@@ -22,16 +22,19 @@ _CAMERA_PX = (960, 720)
 _log = logging.getLogger(__name__)
 
 
-def rectified_view(sheet: Sheet, eye_mm: NDArray[np.float64], size_px: Sequence[int] | None) -> View:
+def rectified_view(
+    sheet: Sheet, eye_mm: NDArray[np.float64], size_px: Sequence[int] | None, *, most_px: int | None = None
+) -> View:
     """The whole sheet as it lies; without a size, a pixel for each point of the maps, of several tiles not too many."""
     rows, columns = sheet.orientation_rad.shape
     wide, high = columns * sheet.tiles[0], rows * sheet.tiles[1]
     if size_px is not None:
         width, height = sheet.size_mm
         return rectified(size_px[1], size_px[0], max(width / size_px[0], height / size_px[1]), eye_mm)
-    coarser = max(1.0, max(wide, high) / _SEVERAL_TILES) if sheet.tiles != (1, 1) else 1.0
+    most = most_px or (_SEVERAL_TILES if sheet.tiles != (1, 1) else LARGEST_SIDE)
+    coarser = max(1.0, max(wide, high) / most)
     if coarser > 1:
-        _log.info("The picture has %d pixels along its longer side; size_px asks for others.", _SEVERAL_TILES)
+        _log.info("The picture has %d pixels along its longer side; size_px asks for others.", most)
     return rectified(round(high / coarser), round(wide / coarser), sheet.pixel_mm * coarser, eye_mm)
 
 

@@ -29,7 +29,7 @@ from pipeline.parallel import threads
 from pipeline.report import FORMAT, RECORD, is_current
 from pipeline.report.brdf_maps import exposed
 from pipeline.report.diffraction_peaks import grating_angles
-from pipeline.report.encoded import png
+from pipeline.report.encoded import animated_webp, png, write_mp4
 from pipeline.report.exr import write_exr
 from pipeline.report.inspections import csv_of
 from pipeline.report.labelled_pictures import exposed_pictures
@@ -206,10 +206,21 @@ def _error(stem: Path, value: OrientationError) -> Written:
 
 
 def _pictures(stem: Path, value: PictureSeries) -> Written:
+    if value.frames_per_second is not None:
+        yield from _film(stem, value.rgb, value.frames_per_second)
+        return
     for index, rgb in enumerate(value.rgb):
         one = stem.with_name(f"{stem.name}_{index}")
         yield _exr(one, {name: rgb[..., i] for i, name in enumerate("RGB")}, pixel_mm=value.pixel_mm)
         yield _png(one, encode_srgb(rgb))
+
+
+def _film(stem: Path, rgb: NDArray[np.float32], frames_per_second: float) -> Written:
+    frames = [encode_srgb(picture) for picture in rgb]
+    write_bytes(stem.with_suffix(".webp"), animated_webp(frames, frames_per_second))
+    yield stem.with_suffix(".webp")
+    write_mp4(stem.with_suffix(".mp4"), frames, frames_per_second)
+    yield stem.with_suffix(".mp4")
 
 
 def _photos(stem: Path, value: PolarizerSequence) -> Written:

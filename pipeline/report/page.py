@@ -199,7 +199,7 @@ def _under_equal_lights(values: Mapping[str, Any]) -> list[list[str]]:
     """Nodes with pictures under the same lights, where there are at least two."""
     groups: list[list[str]] = []
     for name, value in values.items():
-        if isinstance(value, PictureSeries):
+        if isinstance(value, PictureSeries) and value.frames_per_second is None:
             firsts = ((g, values[g[0]]) for g in groups)
             same = (
                 g

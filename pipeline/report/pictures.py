@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.data.photographs import PolarizerSequence
 from pipeline.data.pictures import PictureSeries
 from pipeline.optics.colour import encode_srgb
-from pipeline.report.encoded import webp_uri
+from pipeline.report.encoded import animated_webp_uri, webp_uri
 from pipeline.report.maps import marked
 from pipeline.report.shades import reduced
 from pipeline.report.svg import Svg, curve
@@ -79,6 +79,8 @@ def photos(value: PolarizerSequence) -> list[Figure]:
 
 def pictures(value: PictureSeries) -> list[Figure]:
     """Every picture of one series."""
+    if value.frames_per_second is not None:
+        return [_film(value, value.frames_per_second)]
     shown, exposure = _exposed(value)
     cells = [
         Markup('<div class="cell"><span>{}</span>{}</div>').format(head, _picture(picture))
@@ -86,6 +88,20 @@ def pictures(value: PictureSeries) -> list[Figure]:
     ]
     grid = Markup('<div class="sheet large">{}</div>').format(Markup("").join(cells))
     return [Figure("pictures", grid, f"{_sentence(value.caption)}{_lights(value)} {exposure}", wide=True)]
+
+
+def _film(value: PictureSeries, frames_per_second: float) -> Figure:
+    shown, exposure = _exposed(value)
+    moving = Markup('<img alt="The light moves" src="{}">').format(animated_webp_uri(shown, frames_per_second))
+    rows, columns = value.rgb.shape[1:3]
+    azimuth, elevation = direction(value.light_mm[0])
+    caption = (
+        f"{_sentence(value.caption)}{len(shown)} pictures of {columns} × {rows} pixels: the light is carried "
+        f"around the sheet, from azimuth {azimuth:.0f}° on and {elevation:.0f}° above it. {exposure}"
+    )
+    return Figure(
+        "animation", Markup('<div class="sheet large"><div class="cell">{}</div></div>').format(moving), caption
+    )
 
 
 def beside(series: Mapping[str, PictureSeries]) -> Figure:

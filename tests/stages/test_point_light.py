@@ -253,3 +253,40 @@ def test_the_papers_second_order_form_is_the_exact_one_for_shallow_gratings() ->
     shallow = pictures["second order", 0.01] / pictures["exact", 0.01]
     np.testing.assert_allclose(shallow, 1, atol=0.01)
     assert np.abs(pictures["second order", 0.25] - pictures["exact", 0.25]).max() > 0.01
+
+
+def test_an_orbit_carries_the_light_once_around_anticlockwise() -> None:
+    first, others = [100.0, 0.0, 300.0], [[0.0, 100.0, 300.0], [-100.0, 0.0, 300.0], [0.0, -100.0, 300.0]]
+    film = render(*maps(0.0), lights_mm=[first], orbit=4, **SMALL)
+    np.testing.assert_allclose(film.light_mm, [first, *others], atol=1e-9)
+    assert film.frames_per_second == 24
+    np.testing.assert_allclose(film.rgb, render(*maps(0.0), lights_mm=[first, *others], **SMALL).rgb, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"lights_mm": [light(0.0), light(90.0)], "orbit": 4}, r"an orbit carries one light around"),
+        ({"lights_mm": [light(0.0)], "orbit": 4, "together": True}, r"an orbit carries one light around"),
+        ({"lights_mm": [light(0.0)], "orbit": 1}, r"orbit is 1\s.*orbit\s.*2 to 720"),
+    ],
+)
+def test_orbits_of_nothing_are_refused(given: dict, message: str) -> None:
+    defaults = {n: p.default for n, p in inspect.signature(render).parameters.items() if p.kind == p.KEYWORD_ONLY}
+    with pytest.raises(InputError, match=message):
+        render_module._check_point_light(**{**defaults, **SMALL, **given})
+
+
+def test_more_pictures_than_memory_holds_are_refused_before_they_are_made() -> None:
+    with pytest.raises(InputError, match=r"720 pictures of 1000 x 1000 pixels do not fit[\s\S]*4.17e\+05 pixels each"):
+        render(*maps(0.0), lights_mm=[light(0.0)], orbit=720, size_px=[1000, 1000], **SMALL)
+
+
+def test_periods_near_the_wavelength_and_the_expansion_are_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    place = [light(0.0)]
+    render(*maps(0.0, 1.2), lights_mm=place, depth_um=0.03, orders="second order", **SMALL)
+    assert not caplog.records
+    render(*maps(0.0, 0.5), lights_mm=place, orders="second order", **SMALL)
+    said = " ".join(record.getMessage() for record in caplog.records)
+    assert "Orders expanded to the second power of a depth of 0.12 um err by 18 percent" in said
+    assert "60 percent of the light of gratings of 0.5 um into orders that cannot leave" in said

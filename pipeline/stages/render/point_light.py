@@ -6,6 +6,7 @@ import logging
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField
@@ -22,6 +23,10 @@ _log = logging.getLogger(__name__)
 # Lobes are steep: orientations that differed by 1.2e-6 rad were seen to change a pixel by 2.6e-5 of white.
 _tolerance_point_light = {"rgb": 5e-4}
 
+_ANIMATED_PX = 640
+_FRAMES_PER_SECOND = 24.0
+_LONGEST_ORBIT = 720
+_MOST_PIXELS = 300_000_000
 _OFFSET_UNKNOWN = "Orientations are known up to one offset: facets may shine under other lights than here"
 
 
@@ -51,6 +56,7 @@ def point_light(
     anti_aliased: bool = True,
     tolerance: float = 0.01,
     together: bool = False,
+    orbit: int | None = None,
     white_percentile: float = 99.5,
 ) -> PictureSeries:
     """Render a sheet under a light that is carried around it.
@@ -109,6 +115,9 @@ def point_light(
         Error relative to white that look-ups, and lobes taken as constant within a pixel, may make.
     together : bool
         All lights are on at once, in one picture.
+    orbit : int, optional
+        Carry the light once around the sheet's normal in so many steps, as an animation of 24 pictures a second, by
+        default of 640 pixels along the longer side.
     white_percentile : float
         The brightest channel of the lit pixels of all pictures at this percentile becomes 1.
 
@@ -120,7 +129,7 @@ def point_light(
     Raises
     ------
     InputError
-        The maps differ in shape.
+        The maps differ in shape, or the pictures are too many and too large.
 
     Notes
     -----
@@ -143,7 +152,7 @@ def point_light(
             width_mm,
         )
     lighting = Lighting(
-        lights_mm=np.asarray(lights_mm, dtype=np.float64),
+        lights_mm=_carried_around(lights_mm[0], orbit) if orbit else np.asarray(lights_mm, dtype=np.float64),
         camera_mm=np.asarray(camera_mm, dtype=np.float64),
         light_sigma_mm=light_sigma_mm,
         illuminant=illuminant,
@@ -161,9 +170,17 @@ def point_light(
         None if bumps is None else _slopes(bumps),
     )
     if view == "rectified":
-        seen = rectified_view(sheet, lighting.camera_mm, size_px)
+        seen = rectified_view(sheet, lighting.camera_mm, size_px, most_px=_ANIMATED_PX if orbit else None)
     else:
-        seen = camera_view(sheet, lighting.camera_mm, target_mm, up, field_of_view_deg, size_px)
+        size = size_px or ((_ANIMATED_PX, _ANIMATED_PX * 3 // 4) if orbit else None)
+        seen = camera_view(sheet, lighting.camera_mm, target_mm, up, field_of_view_deg, size)
+    count = 1 if together else len(lighting.lights_mm)
+    if count * seen.rows * seen.columns > _MOST_PIXELS:
+        raise InputError(
+            f"{count} pictures of {seen.columns} x {seen.rows} pixels do not fit into memory",
+            where="size_px",
+            expected=f"at most {_MOST_PIXELS / count:.3g} pixels each",
+        )
     rgb = render_sheet(
         sheet,
         seen,
@@ -182,7 +199,15 @@ def point_light(
         pixel_mm=float(seen.homography[0, 0]) if view == "rectified" else None,
         caption=caption,
         together=together,
+        frames_per_second=_FRAMES_PER_SECOND if orbit else None,
     )
+
+
+def _carried_around(light_mm: list[float], steps: int) -> NDArray[np.float64]:
+    angle = 2 * np.pi * np.arange(steps) / steps
+    x, y, z = light_mm
+    around = [x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), np.full(steps, z)]
+    return np.stack(around, axis=1)
 
 
 def _slopes(bumps: HeightField) -> Bumps:
@@ -212,6 +237,8 @@ def _check_point_light(
     refractive_index: float | None,
     samples: int | None,
     tolerance: float,
+    together: bool,
+    orbit: int | None,
     white_percentile: float,
     **_: object,
 ) -> None:
@@ -223,6 +250,8 @@ def _check_point_light(
         within(1e-4, 0.5, tolerance=tolerance),
         [] if refractive_index is None else at_least(1.01, "denser than air", refractive_index=refractive_index),
         within(1, MOST_SAMPLES, samples=samples),
+        within(2, _LONGEST_ORBIT, orbit=orbit),
+        _unmovable(len(lights_mm), together) if orbit else [],
         above_zero_up_to(WIDEST_VIEW_DEG, field_of_view_deg=field_of_view_deg),
         unusable_counts("tiles", tiles, "[columns, rows] of tiles, whole numbers from 1"),
         []
@@ -237,3 +266,11 @@ def _check_point_light(
         wavelength_step_nm=wavelength_step_nm,
     )
     refuse(blind_camera(camera_mm, target_mm, up))
+
+
+def _unmovable(lights: int, together: bool) -> list[InputError]:
+    if lights == 1 and not together:
+        return []
+    return [
+        InputError("an orbit carries one light around", where="orbit", expected="one of lights_mm, together: false")
+    ]
