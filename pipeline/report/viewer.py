@@ -26,6 +26,8 @@ MOST_TEXELS = 512
 STILL_PIXELS = 400
 ASPECTS = (1.5, 2.2)
 MOST_LIGHT_MM = 64.0
+WHITE_PERCENTILE = 97
+"""Of what is lit at first; brighter points, as in the mirror image of the light, are clipped."""
 _MIDDLE_UM = 0.55
 _BINS = 36
 
@@ -75,7 +77,7 @@ def viewer(run: RunView, values: Mapping[str, Any]) -> Viewer | None:
     scene = replace(scene, eye_mm=view.eye_mm)
     rgb = _rendered(scene, view)
     lit = rgb.max(axis=-1)[rgb.max(axis=-1) > 0.01 * rgb.max()]
-    white = float(np.percentile(lit, 99.5)) if lit.size else 1.0
+    white = float(np.percentile(lit, WHITE_PERCENTILE)) if lit.size else 1.0
     return Viewer(
         still=webp_uri(encode_srgb(rgb / white)),
         aspect=aspect,

@@ -14,13 +14,14 @@ vec3 srgb(vec3 linear) {
   return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
 }
 
-// A line through the middle of a dot, along its grating's tangent.
-float orientation_line(Place p, float theta, float dot_px) {
-  vec2 from = fract(p.texel) - 0.5;
-  vec2 tangent = vec2(cos(theta), -sin(theta));
+// A line through the middle of a dot, along its grating's tangent, and faintly where the next dot begins.
+float drawn(Place p, float theta, float dot_px) {
+  vec2 from = fract(p.texel) - 0.5, tangent = vec2(cos(theta), -sin(theta));
   float along = abs(dot(from, tangent)), across = abs(dot(from, vec2(-tangent.y, tangent.x)));
-  float beside = max(across - 0.025, along - 0.33) * dot_px;
-  return clamp(0.5 - beside, 0.0, 1.0) * smoothstep(lines_from, 1.5 * lines_from, dot_px);
+  float beside = max(across * dot_px - min(0.025 * dot_px, 1.5), (along - 0.33) * dot_px);
+  float edge = (0.5 - max(abs(from.x), abs(from.y))) * dot_px;
+  return max(clamp(0.5 - beside, 0.0, 1.0), 0.2 * clamp(1.0 - edge, 0.0, 1.0))
+      * smoothstep(lines_from, 1.5 * lines_from, dot_px);
 }
 
 void main() {
@@ -50,7 +51,7 @@ void main() {
     float dot_px = pixel_mm * p.scale / length(to_sheet[0].xy - p.mm * to_sheet[0].z);
     if (dot_px > lines_from && grating.y > 0.0) {
       float bright = dot(shown, vec3(0.2126, 0.7152, 0.0722));
-      shown = mix(shown, vec3(bright > 0.45 ? 0.0 : 0.85), 0.8 * orientation_line(p, grating.x, dot_px));
+      shown = mix(shown, vec3(bright > 0.45 ? 0.0 : 0.85), 0.8 * drawn(p, grating.x, dot_px));
     }
   }
   fragment = vec4(shown, 1.0) * covered / count;

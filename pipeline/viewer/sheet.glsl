@@ -32,7 +32,9 @@ bool on_sheet(Place p) {
 
 // Orientation in radians and period in um; a period of 0 where nothing diffracts.
 vec2 grating_at(Place p) {
-  uvec2 code = texelFetch(maps, ivec2(p.texel) % textureSize(maps, 0), 0).xy;
+  vec2 size = vec2(textureSize(maps, 0));
+  ivec2 within = ivec2(p.texel - floor(p.texel / size) * size);
+  uvec2 code = texelFetch(maps, clamp(within, ivec2(0), textureSize(maps, 0) - 1), 0).xy;
   if (code.x == 0u || code.y == 0u) return vec2(0);
   return vec2(float(code.x - 1u) * coding.x, (coding.y + float(code.y - 1u) * coding.z) * period_scale);
 }

@@ -7,7 +7,7 @@ const MOST_TURN = 1.3;         // radians
 const LARGEST_DOT = 160;       // pixels of a dot at the closest zoom
 const LINES_FROM = 22;         // pixels of a dot from which its orientation is drawn
 const MOST_SAMPLES = 4;
-const SLOW_MS = 60;            // frames that take longer are drawn with fewer samples while something moves
+const SLOW_MS = 50;            // where frames take longer, fewer pixels are drawn while something moves
 const MARGIN = 1.05;
 
 const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
@@ -210,16 +210,15 @@ class Viewer {
       frame.ms = frame.ms ? 0.8 * frame.ms + 0.2 * since : since;
       if (frame.ms > SLOW_MS) frame.coarse = true;
     }
-    const moving = this.pointers.size > 0;
-    this.paint(moving && frame.coarse ? 1 : MOST_SAMPLES);
+    this.paint(frame.coarse && this.pointers.size > 0);
     this.tell();
   }
 
-  paint(most = MOST_SAMPLES) {
-    const {canvas} = this, ratio = Math.min(devicePixelRatio || 1, 2);
+  paint(coarse = false) {
+    const {canvas} = this, ratio = Math.min(devicePixelRatio || 1, 2) * (coarse ? 0.5 : 1);
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map(side => Math.max(1, Math.round(side * ratio)));
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, {width, height});
-    const samples = limited(Math.ceil(1 / this.texelPixels() - 0.01), 1, most);
+    const samples = limited(Math.ceil(1 / this.texelPixels() - 0.01), 1, coarse ? 2 : MOST_SAMPLES);
     this.painter.draw(this.method(), [width, height], {
       ...this.view(), samples, pixel_part: 1 / samples, encoded: true, lines_from: LINES_FROM * ratio,
       exposure: this.setting("exposure") * this.sheet.start.exposure, light_sigma: this.setting("light_sigma"),
