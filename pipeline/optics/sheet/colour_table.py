@@ -21,8 +21,8 @@ Float64Array = NDArray[np.float64]
 
 REACH = 4.0
 MIDDLE_UM = 0.55
-_COLOUR_UM = 0.025
-"""Width of what is narrowest in the eye's response."""
+_COLOUR_UM, _WIDTH_UM = 0.015, 0.025
+"""Over how much of wavelength and of width colours bend: ``sqrt(colour / second derivative)``."""
 _NEGLIGIBLE = 1e-3
 _MOST_NODES = 4096
 _FINEST_NM, _COARSEST_NM = 0.1, 1.0
@@ -119,8 +119,8 @@ def colour_table(
     highest = highest_order(periods_um[1], first, occurring.across)
     # Straight lines between nodes err by h^2 / 8 of the second derivative; a quarter of the tolerance for each axis.
     part = np.sqrt(2 * tolerance)
-    wavelength = _axis(max(first - REACH * wide, 0.05), last + REACH * wide, part * _COLOUR_UM)
-    s = _axis(narrow, wide, part * _COLOUR_UM)
+    wavelength = _axis(first - REACH * wide, last + REACH * wide, part * _COLOUR_UM)
+    s = _axis(narrow, wide, part * _WIDTH_UM)
     w = _axis(*occurring.w, part * 2 * first / (2 * np.pi * max(depth_um, 1e-6)))
     added = _axis(np.sqrt(least), np.sqrt(most), part * 2 * per_um * MIDDLE_UM)
     distance = _axis(0.0, REACH * last / MIDDLE_UM, part)
