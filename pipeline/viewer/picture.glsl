@@ -14,6 +14,19 @@ vec3 srgb(vec3 linear) {
   return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
 }
 
+// All orders; the negative ones are those of the half vector's mirror image.
+vec3 shine(Lobe l, float period) {
+  float reach = reach_of(l);
+  if (reach < 0.0) return vec3(0);
+  int sides = (reach - l.u) * period > wavelengths.x ? 2 : 1;
+  vec3 sum = vec3(0);
+  for (int side = 0; side < sides; side++) {
+    sum += orders(l, period, reach, side == 0 && l.u <= reach);
+    l.u = -l.u;
+  }
+  return sum;
+}
+
 // A line through the middle of a dot, along its grating's tangent, and faintly where the next dot begins.
 float drawn(Place p, float theta, float dot_px) {
   vec2 from = fract(p.texel) - 0.5, tangent = vec2(cos(theta), -sin(theta));

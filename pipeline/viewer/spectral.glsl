@@ -1,10 +1,8 @@
 // Every order summed over all wavelengths, as the reference in Python does.
 
-vec3 shine(Lobe l, float period) {
-  float reach = reach_of(l);
-  if (reach < 0.0) return vec3(0);
+vec3 orders(Lobe l, float period, float reach, bool zeroth) {
   int last = int(round((wavelengths.y - wavelengths.x) / wavelengths.z));
-  vec3 sum = l.u > reach ? vec3(0) : summed(l, period, 0, 0, 0, last, wavelengths.z);
+  vec3 sum = zeroth ? summed(l, period, 0, 0, 0, last, wavelengths.z) : vec3(0);
   for (int m = 1; m <= highest_order(); m++) {
     float low = (l.u - reach) * period / float(m), high = (l.u + reach) * period / float(m);
     if (high < wavelengths.x) break;

@@ -16,7 +16,7 @@ float order_at(Lobe l, int m, float wavelength) {
 }
 
 float width_of(Lobe l, float period, int m) {
-  float spread = per_um * clamp(l.u * period / float(m), wavelengths.x, wavelengths.y);
+  float spread = per_um * clamp(abs(l.u) * period / float(m), wavelengths.x, wavelengths.y);
   return period * sqrt(spread * spread + l.more_u) / float(m);
 }
 
@@ -38,9 +38,7 @@ vec3 order_colour(Lobe l, float period, int m, float width) {
 
 // Order 0, and lobes so wide that an order's share turns too much within them, are summed over few wavelengths. The
 // orders are counted down, because the lowest are the widest.
-vec3 shine(Lobe l, float period) {
-  float reach = reach_of(l);
-  if (reach < 0.0) return vec3(0);
+vec3 orders(Lobe l, float period, float reach, bool zeroth) {
   int first = max(1, int(ceil((l.u - reach) * period / wavelengths.y)));
   int m = min(highest_order(), int((l.u + reach) * period / wavelengths.x));
   vec3 sum = vec3(0);
@@ -50,7 +48,7 @@ vec3 shine(Lobe l, float period) {
     sum += order_colour(l, period, m, width);
   }
   int count = int(round((wavelengths.y - wavelengths.x) / coarse_step));
-  for (int wide = l.u > reach ? first : 0; wide <= max(m, 0); wide = max(wide + 1, first))
+  for (int wide = zeroth ? 0 : first; wide <= max(m, 0); wide = max(wide + 1, first))
     sum += summed(l, period, wide, 1, 0, count, coarse_step);
   return sum;
 }

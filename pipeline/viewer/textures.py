@@ -18,9 +18,9 @@ _LARGEST_HALF_VECTOR = 2.0
 _PHASE_STEP = 0.05
 _NEGLIGIBLE = 1e-5
 _MIDDLE_UM = 0.55
-COLOURS = (513, 96)
+COLOURS = (705, 96)
 """Wavelengths and widths of the table of colours."""
-_COLOUR_UM = (0.0, 1.6)
+_COLOUR_UM = (-0.6, 1.6)
 _WIDTH_UM = (1e-3, 2.0)
 
 
