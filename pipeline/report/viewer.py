@@ -17,7 +17,6 @@ from pipeline.optics.rasterise import Camera
 from pipeline.optics.sheet.view import View, fitting_field_of_view, photographed
 from pipeline.parallel import over_rows
 from pipeline.report.encoded import webp_uri
-from pipeline.report.naming import plain
 from pipeline.report.view import NodeView, RunView
 from pipeline.viewer.payload import MOST_STRETCH, deepest_um, payload
 from pipeline.viewer.scene import Scene
@@ -76,7 +75,11 @@ def viewer(run: RunView, values: Mapping[str, Any]) -> Viewer | None:
     view = first_view(scene, round(STILL_PIXELS / aspect), STILL_PIXELS)
     scene = replace(scene, eye_mm=view.eye_mm)
     rgb = _rendered(scene, view)
-    lit = rgb.max(axis=-1)[rgb.max(axis=-1) > 0.01 * rgb.max()]
+    if not rgb.any():
+        scene = replace(scene, light_mm=_shining_light(scene.orientation_rad, scene.period_um))
+        rgb = _rendered(scene, view)
+    brightest = rgb.max(axis=-1)
+    lit = brightest[brightest > 0.01 * brightest.max()]
     white = float(np.percentile(lit, WHITE_PERCENTILE)) if lit.size else 1.0
     return Viewer(
         still=webp_uri(encode_srgb(rgb / white)),
@@ -221,28 +224,34 @@ def _as_lit(node: NodeView, orientation: OrientationMap, period: PeriodMap) -> S
 def _lit_by_default(
     orientation_rad: NDArray[np.floating], period_um: NDArray[np.floating], pixel_mm: float | None
 ) -> Scene:
-    """Light from where the commonest gratings send green to an eye half a metre above the sheet."""
-    known = np.isfinite(orientation_rad) & (period_um > 0)
-    counts, edges = np.histogram(orientation_rad[known], _BINS, (0, np.pi))
-    azimuth = float(edges[counts.argmax()] + np.pi / _BINS / 2)
-    sine = min(_MIDDLE_UM / float(np.median(period_um[known])), 0.9)
-    light = 400 * np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1 - sine**2)])
     pitch = pixel_mm or 15.0 / orientation_rad.shape[1]
+    light = _shining_light(orientation_rad, period_um)
     return Scene(orientation_rad, period_um, pitch, light, np.array([0.0, 0.0, 500.0]))
 
 
+def _shining_light(orientation_rad: NDArray[np.floating], period_um: NDArray[np.floating]) -> NDArray[np.float64]:
+    """From where the commonest gratings send green along the sheet's normal."""
+    known = np.isfinite(orientation_rad) & (period_um > 0)
+    counts, edges = np.histogram(orientation_rad[known], _BINS, (0, np.pi))
+    most = counts.argmax()
+    among = known & (orientation_rad >= edges[most]) & (orientation_rad <= edges[most + 1])
+    azimuth, period = float(np.median(orientation_rad[among])), float(np.median(period_um[among]))
+    sine = min(_MIDDLE_UM / period, 0.9)
+    return 400 * np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1 - sine**2)])
+
+
 def _whose(orientation: str, period: str, absolute: bool, node: str | None = None) -> str:
-    light = f", at first in the light of {node}" if node else ""
+    light = f", lit as for {node}" if node else ""
     offset = "" if absolute else " Orientations are known up to one offset: facets may shine under other lights than here."
     return f"The maps of {orientation} and {period}{light}.{offset}"
 
 
 def _size(shape: tuple[int, ...], scene: Scene) -> str:
     rows, columns = scene.orientation_rad.shape
-    every = shape[0] / rows
     kept = f"{columns} × {rows} points"
     if rows < shape[0]:
-        kept = f"every {plain(round(every), 2)}th of {shape[1]} × {shape[0]} points along rows and columns"
+        every = -(-max(shape) // MOST_TEXELS)
+        kept = f"one of every {every} × {every} of {shape[1]} × {shape[0]} points"
     tiled = f", repeated {scene.tiles[0]} × {scene.tiles[1]} times" if scene.tiles != (1, 1) else ""
     width, height = scene.size_mm
     return f"{kept[0].upper()}{kept[1:]}{tiled}: {width:.3g} × {height:.3g} mm."

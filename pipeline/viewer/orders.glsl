@@ -2,7 +2,7 @@
 
 uniform sampler2D shares;     // by phase between crest and trough, a row an order
 uniform float phase_scale;    // nodes a radian
-uniform sampler2D spectrum;   // weights of linear sRGB: row 0 at the fine step, row 1 at the coarse one
+uniform sampler2D spectrum;   // weights of linear sRGB over the wavelength squared: a row a step
 uniform float depth;
 
 int highest_order() { return textureSize(shares, 0).y - 1; }
@@ -14,9 +14,10 @@ float share(int order, float w, float wavelength) {
   return mix(low, high, at - float(node));
 }
 
-vec3 summed(Lobe l, float period, int order, int row, int low, int high, float step_um) {
+// The sum over every so manieth wavelength of a row.
+vec3 summed(Lobe l, float period, int order, int row, ivec2 ends, int every, float step_um) {
   vec3 sum = vec3(0);
-  for (int i = low; i <= high; i++) {
+  for (int i = ends.x / every * every; i <= ends.y; i += every) {
     float wavelength = wavelengths.x + float(i) * step_um;
     float square = per_um * wavelength * per_um * wavelength;
     float variance_u = square + l.more_u, variance_v = square + l.more_v;
@@ -25,5 +26,5 @@ vec3 summed(Lobe l, float period, int order, int row, int low, int high, float s
         / sqrt(variance_u * variance_v);
     sum += lobe * share(order, l.w, wavelength) * texelFetch(spectrum, ivec2(i, row), 0).rgb;
   }
-  return sum;
+  return sum * float(every);
 }

@@ -15,13 +15,16 @@ float order_at(Lobe l, int m, float wavelength) {
   return share(m, l.w, wavelength) * exp(-0.5 * l.v * l.v / variance_v) / sqrt((square + l.more_u) * variance_v);
 }
 
-float width_of(Lobe l, float period, int m) {
-  float spread = per_um * clamp(abs(l.u) * period / float(m), wavelengths.x, wavelengths.y);
-  return period * sqrt(spread * spread + l.more_u) / float(m);
+// Where the Gaussian's middle lies and how wide it is. The spread grows with the wavelength, which makes the lobe skew,
+// to first order as if it stood at a longer wavelength.
+vec2 gaussian_of(Lobe l, float period, int m) {
+  float wavelength = l.u * period / float(m), seen = clamp(abs(wavelength), wavelengths.x, wavelengths.y);
+  float square = per_um * seen * per_um * seen, stretch = period / float(m);
+  float skew = 3.0 * square * stretch * stretch / seen;
+  return vec2(wavelength + skew, stretch * sqrt(square + l.more_u));
 }
 
-vec3 order_colour(Lobe l, float period, int m, float width) {
-  float wavelength = l.u * period / float(m);
+vec3 order_colour(Lobe l, int m, float wavelength, float width) {
   vec2 size = vec2(textureSize(middle, 0));
   vec2 node = vec2((wavelength - colour_axis.x) * colour_axis.y, (log(width) - width_axis.x) * width_axis.y);
   vec2 inside = clamp(node, vec2(0), size - 1.0), at = (inside + 0.5) / size;
@@ -43,12 +46,12 @@ vec3 orders(Lobe l, float period, float reach, bool zeroth) {
   int m = min(highest_order(), int((l.u + reach) * period / wavelengths.x));
   vec3 sum = vec3(0);
   for (; m >= first; m--) {
-    float width = width_of(l, period, m);
-    if (l.w * depth * min(width, WIDEST) > MOST_TURN) break;
-    sum += order_colour(l, period, m, width);
+    vec2 gaussian = gaussian_of(l, period, m);
+    if (l.w * depth * min(gaussian.y, WIDEST) > MOST_TURN) break;
+    sum += order_colour(l, m, gaussian.x, gaussian.y);
   }
   int count = int(round((wavelengths.y - wavelengths.x) / coarse_step));
   for (int wide = zeroth ? 0 : first; wide <= max(m, 0); wide = max(wide + 1, first))
-    sum += summed(l, period, wide, 1, 0, count, coarse_step);
+    sum += summed(l, period, wide, 1, ivec2(0, count), 1, coarse_step);
   return sum;
 }

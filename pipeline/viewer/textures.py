@@ -13,9 +13,9 @@ from pipeline.viewer.scene import Scene
 
 Uniform = float | list[float]
 
-FINE_NM, COARSE_NM, FINEST_NM = 5.0, 20.0, 1.0
+FINE_NM, COARSE_NM = 1.0, 20.0
 _LARGEST_HALF_VECTOR = 2.0
-_PHASE_STEP = 0.05
+_PHASE_STEP = 0.03
 _NEGLIGIBLE = 1e-5
 _MIDDLE_UM = 0.55
 COLOURS = (705, 96)
@@ -34,9 +34,9 @@ class Textures:
         Codes of orientation and period, from 1; 0 where nothing diffracts.
     shares : ndarray of shape (orders, D), float32
         Share of each order over the phase between crest and trough.
-    spectrum : ndarray of shape (3, W, 4), float32
-        Weights of linear sRGB at the fine and at the coarse step, with the factor 1 / lambda^2 of diffraction relative
-        to 550 nm, and at the finest without it.
+    spectrum : ndarray of shape (2, W, 4), float32
+        Weights of linear sRGB, the factor 1 / lambda^2 of diffraction relative to 550 nm included: at the fine and at
+        the coarse step.
     constants : dict
         Uniforms that tell the axes, by name.
     """
@@ -55,7 +55,7 @@ def textures(scene: Scene, *, levels: int = 65535, deepest_um: float | None = No
     scene : Scene
         What is shown.
     levels : int
-        Codes of a map, besides the one for no grating; at most 65535.
+        Codes of a map besides the one for no grating, 2 to 65535.
     deepest_um, stretch : float
         Greatest depth, and factor to the periods, that a slider will ask for.
     """
@@ -75,7 +75,6 @@ def textures(scene: Scene, *, levels: int = 65535, deepest_um: float | None = No
             "wavelengths": [FIRST_NM / 1000, LAST_NM / 1000, FINE_NM / 1000],
             "coarse_step": COARSE_NM / 1000,
             "phase_scale": scale,
-            "finest_step": FINEST_NM / 1000,
             "colour_axis": [_COLOUR_UM[0], (COLOURS[0] - 1) / (_COLOUR_UM[1] - _COLOUR_UM[0])],
             "width_axis": [float(np.log(_WIDTH_UM[0])), (COLOURS[1] - 1) / float(np.log(_WIDTH_UM[1] / _WIDTH_UM[0]))],
         },
@@ -108,10 +107,8 @@ def _shares(depth_um: float, longest_um: float) -> tuple[NDArray[np.float32], fl
 
 
 def _spectrum(light: Spectrum) -> NDArray[np.float32]:
-    rows = [white_balanced_weights(light, step) for step in (FINE_NM, COARSE_NM, FINEST_NM)]
-    table = np.zeros((3, max(len(row[0]) for row in rows), 4), np.float32)
+    rows = [white_balanced_weights(light, step) for step in (FINE_NM, COARSE_NM)]
+    table = np.zeros((2, len(rows[0][0]), 4), np.float32)
     for row, (wavelength_nm, weights) in zip(table, rows, strict=True):
-        row[: len(weights), :3] = weights
-        row[: len(weights), 3] = (_MIDDLE_UM * 1000 / wavelength_nm) ** 2
-    table[:2, :, :3] *= table[:2, :, 3:]
+        row[: len(weights), :3] = weights * (_MIDDLE_UM * 1000 / wavelength_nm[:, None]) ** 2
     return table
