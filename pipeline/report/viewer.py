@@ -242,7 +242,9 @@ def _shining_light(orientation_rad: NDArray[np.floating], period_um: NDArray[np.
 
 def _whose(orientation: str, period: str, absolute: bool, node: str | None = None) -> str:
     light = f", lit as for {node}" if node else ""
-    offset = "" if absolute else " Orientations are known up to one offset: facets may shine under other lights than here."
+    offset = (
+        "" if absolute else " Orientations are known up to one offset: facets may shine under other lights than here."
+    )
     return f"The maps of {orientation} and {period}{light}.{offset}"
 
 

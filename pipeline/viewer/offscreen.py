@@ -19,7 +19,9 @@ from pipeline.viewer.shader import METHODS, OPENGL, Method, fragment, table, ver
 from pipeline.viewer.textures import COLOURS, Textures, textures
 
 _HOW = "moderngl (pip install 'optibench[gpu]') and EGL (on Debian: apt install libegl1 libgl1-mesa-dri)"
-_PROBE = "import moderngl; print(moderngl.create_context(standalone=True, backend='egl', require=330).info['GL_RENDERER'])"
+_PROBE = (
+    "import moderngl; print(moderngl.create_context(standalone=True, backend='egl', require=330).info['GL_RENDERER'])"
+)
 
 
 @cache
@@ -46,7 +48,8 @@ class OffScreen:
         import moderngl
 
         self.scene = scene
-        self._context: Any = moderngl.create_context(standalone=True, backend="egl", require=330)
+        create: Any = moderngl.create_context  # its annotations leave the backend's settings out
+        self._context = create(standalone=True, backend="egl", require=330)
         self._programs: dict[Method, Any] = {}
         prepared = textures(scene)
         self._constants = prepared.constants

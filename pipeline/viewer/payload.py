@@ -38,13 +38,12 @@ def payload(scene: Scene, *, exposure: float, file: str) -> str:
         Name of a picture that the reader keeps.
     """
     prepared = textures(scene, levels=LEVELS, deepest_um=deepest_um(scene), stretch=MOST_STRETCH)
+    shaders = {"vertex": shader.vertex(shader.WEBGL), "colours": shader.table(shader.WEBGL)}
+    for method in shader.METHODS:
+        shaders[method] = shader.fragment(shader.WEBGL, method)
     sheet = {
         "file": file,
-        "shaders": {
-            "vertex": shader.vertex(shader.WEBGL),
-            "colours": shader.table(shader.WEBGL),
-            **{method: shader.fragment(shader.WEBGL, method) for method in shader.METHODS},
-        },
+        "shaders": shaders,
         "constants": prepared.constants,
         "colours": COLOURS,
         "textures": {

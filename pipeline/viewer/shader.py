@@ -10,7 +10,11 @@ Method = Literal["spectral", "table"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 OPENGL = "#version 330 core\n"
-WEBGL = "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\nprecision highp usampler2D;\n"
+WEBGL = "#version 300 es
+" + "".join(
+    f"precision highp {kind};
+" for kind in ("float", "int", "sampler2D", "usampler2D")
+)
 
 
 @cache

@@ -27,9 +27,17 @@ LIGHT = {
 }
 
 
+def spiral(side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Orientations and periods of all kinds, on a disc."""
+    y, x = np.mgrid[1 : -1 : side * 1j, -1 : 1 : side * 1j]
+    away = np.hypot(x, y)
+    theta = np.where(away < 0.95, (np.arctan2(y, x) + away) % np.pi, np.nan).astype(np.float32)
+    return theta, np.where(away < 0.95, 0.7 + 0.8 * away, np.nan).astype(np.float32)
+
+
 def lit_run(path: Path, *, absolute: bool = True, pixel_mm: float | None = None, side: int = 40) -> FakeRun:
     """Maps and a node that renders them."""
-    theta, period = polygons(side)
+    theta, period = spiral(side)
     values = {
         "fit": OrientationMap.of_angles(theta, pixel_mm=pixel_mm, absolute=absolute),
         "period": PeriodMap(period, np.isfinite(period), pixel_mm),
@@ -68,10 +76,12 @@ def test_absolute_orientations_come_first_and_others_are_told_of(tmp_path: Path)
 
 
 def test_where_its_light_shows_nothing_another_is_taken(tmp_path: Path) -> None:
-    run = lit_run(tmp_path)
-    dark = run.with_node(replace(run.nodes["torch"], settings=LIGHT | {"lights_mm": [[90.0, 40.0, 300.0]]}))
+    run, theta = lit_run(tmp_path), np.full((40, 40), np.pi / 2, np.float32)
+    dark = run.with_node(run.nodes["fit"], OrientationMap.of_angles(theta, pixel_mm=0.1, absolute=True))
     sheet, _ = shown(dark)
-    assert np.linalg.norm(sheet["start"]["light"]) == pytest.approx(400.0)
+    x, y, z = sheet["start"]["light"]
+    assert x == pytest.approx(0.0, abs=1e-3)
+    assert np.hypot(y, z) == pytest.approx(400.0)
     assert sheet["start"]["exposure"] != 1.0
 
 
