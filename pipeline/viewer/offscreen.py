@@ -50,6 +50,7 @@ class OffScreen:
         self.scene = scene
         create: Any = moderngl.create_context  # its annotations leave the backend's settings out
         self._context = create(standalone=True, backend="egl", require=330)
+        self._target: Any = None
         self._programs: dict[Method, Any] = {}
         prepared = textures(scene)
         self._constants = prepared.constants
@@ -88,20 +89,21 @@ class OffScreen:
         pixel_part : float
             Side of the area that a point stands for, in pixels; 0 for a point.
         """
-        size = (view.columns, view.rows)
-        target = self._context.framebuffer([self._context.texture(size, 4, dtype="f4")])
-        target.use()
         self.draw(view, method=method, light_mm=light_mm, samples=samples, pixel_part=pixel_part)
-        flat = np.frombuffer(target.read(components=3, dtype="f4"), np.float32)
-        for attachment in target.color_attachments:
-            attachment.release()
-        target.release()
+        flat = np.frombuffer(self._target.read(components=3, dtype="f4"), np.float32)
         return flat.reshape(view.rows, view.columns, 3)[::-1].copy()
 
     def draw(
-        self, view: View, *, method: Method, light_mm: NDArray[np.float64] | None, samples: int, pixel_part: float
+        self,
+        view: View,
+        *,
+        method: Method = "spectral",
+        light_mm: NDArray[np.float64] | None = None,
+        samples: int = 1,
+        pixel_part: float = 0.0,
     ) -> None:
-        """Draw into the framebuffer in use, without waiting."""
+        """Draw :meth:`picture` without reading it, or waiting for it."""
+        self._aim_at(view.columns, view.rows)
         program, triangle = self._program(method)
         light = self.scene.light_mm if light_mm is None else light_mm
         uniforms: dict[str, Any] = {
@@ -125,6 +127,14 @@ class OffScreen:
     def finish(self) -> None:
         """Wait until all is drawn."""
         self._context.finish()
+
+    def _aim_at(self, columns: int, rows: int) -> None:
+        if self._target is None or self._target.size != (columns, rows):
+            if self._target is not None:
+                self._target.color_attachments[0].release()
+                self._target.release()
+            self._target = self._context.framebuffer([self._context.texture((columns, rows), 4, dtype="f4")])
+        self._target.use()
 
     def _program(self, method: Method) -> tuple[Any, Any]:
         if method not in METHODS:

@@ -10,10 +10,8 @@ Method = Literal["spectral", "table"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 OPENGL = "#version 330 core\n"
-WEBGL = "#version 300 es
-" + "".join(
-    f"precision highp {kind};
-" for kind in ("float", "int", "sampler2D", "usampler2D")
+WEBGL = "#version 300 es\n" + "".join(
+    f"precision highp {kind};\n" for kind in ("float", "int", "sampler2D", "usampler2D")
 )
 
 
