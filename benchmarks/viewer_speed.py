@@ -2,11 +2,12 @@
 
     python benchmarks/viewer_speed.py
 
-A sheet of 300 by 300 mm, 512 x 512 points whose orientations and periods vary, under a light at three places. Off screen
-(moderngl through EGL) each frame is drawn and waited for; the time is the median of several. Differences are the
+A sheet of 300 by 300 mm, 512 x 512 points whose orientations and periods vary, under a light at three places. Off
+screen (moderngl through EGL) each frame is drawn and waited for; the time is the median of several. Differences are the
 largest from the sum over wavelengths in double precision, relative to its maximum, leaving out pixels in whose middle
-two points of the maps meet: either is right. The page (playwright and Chromium) is that of ``render_point_light`` with circles: drawn fully, and while a pointer drags the light, when slow machines draw fewer
-pixels. Chromium draws with Mesa's software driver or, with ``--gpu``, on what it finds by itself.
+two points of the maps meet: either is right. The page (playwright and Chromium) is that of ``render_point_light`` with
+circles: drawn fully, and while a pointer drags the light, when slow machines draw fewer pixels. Chromium draws with
+Mesa's software driver or, with ``--gpu``, on what it finds by itself.
 """
 
 from __future__ import annotations
