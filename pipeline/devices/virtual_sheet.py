@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.devices.virtual_light import Image, Lighting, add_light, warn_of_aliasing, white_level
+from pipeline.errors import InputError
 from pipeline.optics.gratings import window_spread
 from pipeline.optics.sheet import tabulated
 from pipeline.optics.sheet.colour_table import ColourTable, colour_table
@@ -122,14 +123,22 @@ def _pixel_part(sheet: Sheet, view: View, lighting: Lighting, samples: int, tole
 def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tolerance: float) -> tuple[int, float]:
     """Points along a side of a pixel, at most so many, and by how much twice as many change what is lit."""
     few, every = _few(view)
-    table = _table(sheet, view, lighting, 1.0, tolerance)
+    try:
+        table = _table(sheet, view, lighting, 1.0, tolerance)
+    except ValueError:
+        table = None
     planes = _prepared(sheet)
+
+    def painted(seen: View, part: float) -> Paint:
+        if table is None:
+            return _summed(sheet, seen, lighting, part)
+        return _looked_up(sheet, planes, seen, lighting, part, table)
 
     def mean(samples: int) -> Image:
         rgb = np.zeros((len(lighting.lights_mm), few.rows, few.columns, 3), np.float32)
         part = _pixel_part(sheet, view, lighting, samples, tolerance) / every
         for across, down in _offsets(samples):
-            paint = _looked_up(sheet, planes, few.moved(across / every, down / every), lighting, part, table)
+            paint = painted(few.moved(across / every, down / every), part)
             for picture, light in zip(rgb, lighting.lights_mm, strict=True):
                 paint(picture, light)
         return rgb / np.float32(samples**2)
@@ -198,7 +207,13 @@ def _chosen(
     if evaluator == "spectral" or (evaluator == "auto" and work < _WORTH_A_TABLE):
         warn_of_aliasing(sheet.period_um, lighting)
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
-    table = _table(sheet, view, lighting, sampling.pixel_part, tolerance)
+    try:
+        table = _table(sheet, view, lighting, sampling.pixel_part, tolerance)
+    except ValueError as problem:
+        if evaluator == "tabulated":
+            raise InputError(str(problem), where="evaluator", expected="spectral, or a larger tolerance") from None
+        _log.info("The spectrum is summed: %s.", problem)
+        return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     error = _error(sheet, view, lighting, sampling.pixel_part, table)
     told = f"from its sum on a part of the pixels by up to {100 * error:.2g} percent of white"
     if error <= tolerance:

@@ -17,7 +17,7 @@ Float64Array = NDArray[np.float64]
 
 REACH = 4.0
 """Standard deviations beyond which a lobe counts as dark: 3e-4 of its peak."""
-_DEPTH_STEPS = 1024
+_DEPTH_STEPS, _DEPTH_STEP = 1024, 0.03
 _SHALLOWEST = 1e-6
 
 
@@ -68,7 +68,7 @@ def spectral_table(
     wavelength = wavelength_nm / 1000
     deepest = max(float(2 * np.pi / wavelength[0] * 2 * depth_um), _SHALLOWEST)
     count = highest_order(longest_period_um, float(wavelength[0]), largest_half_vector) + 1
-    depths = np.linspace(0, deepest, _DEPTH_STEPS)
+    depths = np.linspace(0, deepest, max(_DEPTH_STEPS, int(deepest / _DEPTH_STEP)))
     return SpectralTable(
         wavelength_um=wavelength,
         weights=np.ascontiguousarray(weights * (0.55 / wavelength[:, None]) ** 2),

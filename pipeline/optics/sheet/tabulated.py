@@ -65,7 +65,7 @@ def shade_rows(
         table.zeroth.ravel(),
         _steps(table.zeroth),
         _line(table.w),
-        _line(table.s_um),
+        _line(table.root_width),
         _line(table.wavelength_um),
         _line(table.added),
         _line(table.distance),
@@ -102,7 +102,7 @@ def _shade(
     zeroth: Any,
     zeroth_steps: Any,
     w_axis: Any,
-    s_axis: Any,
+    width_axis: Any,
     wavelength_axis: Any,
     added_axis: Any,
     distance_axis: Any,
@@ -164,7 +164,7 @@ def _shade(
                     if max(ends) > violet and min(ends) < red:
                         base = (m - 1) * steps[0]
                         _find_order(
-                            order, base, lit_run, cell_w, count, cell, lit, steps, s_axis, wavelength_axis, per_um
+                            order, base, lit_run, cell_w, count, cell, lit, steps, width_axis, wavelength_axis, per_um
                         )
                         _look_up(orders, cell, steps[1], steps[2], lit, count, lit_run, colour)
             for k in range(count):
@@ -228,7 +228,7 @@ def _find_order(
     cell: Any,
     lit: Any,
     steps: Any,
-    s_axis: Any,
+    width_axis: Any,
     axis: Any,
     per_um: Any,
 ) -> None:
@@ -239,7 +239,7 @@ def _find_order(
         var_u, var_v = square + run[MORE_U, k], square + run[MORE_V, k]
         across = run[V_SQUARE, k] / var_v
         at_l = _place(wavelength, axis)
-        at_s = _place(run[_PERIOD, k] * np.sqrt(var_u), s_axis)
+        at_s = _place(np.sqrt(run[_PERIOD, k] * np.sqrt(var_u)), width_axis)
         run[_PART_L, k], run[_PART_S, k] = at_l - _f(_i(at_l)), at_s - _f(_i(at_s))
         run[_SCALE, k] = _exponential(min(_f(0.5) * across, _f(8))) / np.sqrt(var_u * var_v)
         cell[k] = base + cell_w[k] * steps[1] + _i(at_s) * steps[2] + _i(at_l) * steps[3]

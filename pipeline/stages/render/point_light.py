@@ -128,7 +128,7 @@ def point_light(
     """
     if orientation.orientation_rad.shape != period.period_um.shape:
         raise InputError("the maps of orientation and period differ in shape")
-    caption = "Rendered: the measured maps under the same light"
+    caption = "Rendered from maps of orientation and period"
     if not orientation.absolute:
         caption += f". {_OFFSET_UNKNOWN}"
         _log.warning(
