@@ -141,7 +141,7 @@ def in_chromium(flags: list[str]) -> None:
         run = pipeline.run("render_point_light", [*PAGE, *places])
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", *flags])
         tab = browser.new_page(viewport={"width": 1120, "height": 900})
-        tab.goto(run.report.as_uri())
+        tab.goto(run.report.resolve().as_uri())
         tab.wait_for_selector("figure.viewer.live")
         box = tab.locator(".viewer canvas").bounding_box()
         print(f"\nin Chromium, {box['width']:.0f} x {box['height']:.0f} pixels\n")

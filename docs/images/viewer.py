@@ -19,19 +19,19 @@ CLOSER = "([factor, x, y]) => { const {viewer} = document.querySelector('.viewer
 
 def main() -> None:
     """The sheet as it is lit at first, and dots of it."""
-    report = pipeline.run("render_point_light", WORDS).report
+    report = pipeline.run("render_point_light", WORDS).report.resolve()
     shots = []
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        tab = browser.new_page(viewport={"width": 820, "height": 900})
+        tab = browser.new_page(viewport={"width": 700, "height": 800})
         tab.goto(report.as_uri())
         tab.wait_for_selector("figure.viewer.live")
-        viewer = tab.locator("figure.viewer")
-        for closer in ([1, 0, 0], [90, 0.2325, 0.1085]):
+        stage = tab.locator(".viewer .stage")
+        for closer in ([1, 0, 0], [260, -0.0405, -0.0402]):
             tab.evaluate(CLOSER, closer)
             tab.wait_for_function("() => !document.querySelector('.viewer').viewer.frame.asked")
             tab.wait_for_timeout(500)
-            shots.append(cv2.imdecode(np.frombuffer(viewer.screenshot(), np.uint8), cv2.IMREAD_COLOR))
+            shots.append(cv2.imdecode(np.frombuffer(stage.screenshot(), np.uint8), cv2.IMREAD_COLOR))
         browser.close()
     gap = np.full((shots[0].shape[0], 24, 3), 255, np.uint8)
     cv2.imwrite(str(Path(__file__).with_suffix(".png")), np.hstack([shots[0], gap, shots[1]]))
