@@ -11,6 +11,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from pipeline.data.gratings import GratingSample, OrientationMap, PeriodMap
+from pipeline.data.height_fields import HeightField
 from pipeline.data.pictures import PictureSeries
 from pipeline.optics.colour import encode_srgb
 from pipeline.optics.rasterise import Camera
@@ -164,7 +165,8 @@ def _scenes(run: RunView, values: Mapping[str, Any]) -> Iterator[tuple[Scene, st
     for absolute in (True, False):
         for node, (o, p) in lit:
             if values[o].absolute == absolute and _usable(values[o].orientation_rad, values[p].period_um):
-                yield _as_lit(node, values[o], values[p]), _whose(o, p, values[o].absolute, node.name)
+                flat = " Its bumps are left out." if _given(node.inputs, values, HeightField) else ""
+                yield _as_lit(node, values[o], values[p]), _whose(o, p, values[o].absolute, node.name) + flat
     for absolute in (True, False):
         for o, p in maps:
             if values[o].absolute == absolute and _usable(values[o].orientation_rad, values[p].period_um):
@@ -190,10 +192,14 @@ def _usable(orientation_rad: NDArray[np.floating], period_um: NDArray[np.floatin
 
 def _pair(inputs: Mapping[str, tuple[str, ...]], values: Mapping[str, Any]) -> tuple[str, str] | None:
     """Names of the maps of orientation and period that a node gets."""
-    sources = [source for group in inputs.values() for source in group or () if source in values]
-    o = [name for name in sources if isinstance(values[name], OrientationMap)]
-    p = [name for name in sources if isinstance(values[name], PeriodMap)]
+    o, p = _given(inputs, values, OrientationMap), _given(inputs, values, PeriodMap)
     return (o[0], p[0]) if o and p else None
+
+
+def _given(inputs: Mapping[str, tuple[str, ...]], values: Mapping[str, Any], kind: type) -> list[str]:
+    """Nodes among those that a node gets whose values are of a kind."""
+    sources = (source for group in inputs.values() for source in group or () if source in values)
+    return [name for name in sources if isinstance(values[name], kind)]
 
 
 def _is_lit(node: NodeView) -> bool:

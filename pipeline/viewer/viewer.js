@@ -160,8 +160,6 @@ class Viewer {
     this.change();
   }
 
-  // --- geometry ---------------------------------------------------------------------------------------------------
-
   // Pixels of the focal length with which the whole sheet is seen, not turned.
   focal() {
     const {size_mm: [width, height], eye} = this.sheet.start, axes = cameraAxes(eye);
@@ -189,8 +187,6 @@ class Viewer {
   texelPixels() {
     return this.focal() * this.zoom * this.sheet.constants.pixel_mm / Math.hypot(...this.sheet.start.eye);
   }
-
-  // --- drawing ----------------------------------------------------------------------------------------------------
 
   setting(name) {
     const value = Number(this.root.querySelector(`input[name=${name}]`).value);
@@ -241,8 +237,6 @@ class Viewer {
     for (const [name, text] of Object.entries(words)) this.root.querySelector(`output[data-of=${name}]`).value = text;
   }
 
-  // --- input ------------------------------------------------------------------------------------------------------
-
   moveLight(dx, dy) {
     const away = Math.hypot(...this.light);
     let [x, y] = [this.light[0] + dx * away, this.light[1] - dy * away];
@@ -288,7 +282,8 @@ class Viewer {
     if (others.length) {
       const [o] = others, middle = [0, 1].map(i => (now[i] + o[i]) / 2);
       const distances = [before, now].map(place => Math.hypot(place[0] - o[0], place[1] - o[1]));
-      this.pan(dx / 2, dy / 2);
+      if (this.zoom > 1) this.pan(dx / 2, dy / 2);
+      else this.turn(1.5 * dx, 1.5 * dy);
       this.magnify(distances[1] / Math.max(distances[0], 1e-3), ...middle);
     } else if (event.shiftKey || event.buttons & 2) this.turn(3 * dx, 3 * dy);
     else if (event.altKey || event.buttons & 4) this.pan(dx, dy);

@@ -11,6 +11,7 @@ import pytest
 from made_up_run import FakeNode, FakeRun, polygons, run_with, values_of_every_type
 
 from pipeline.data.gratings import GratingSample, OrientationMap, PeriodMap
+from pipeline.data.height_fields import HeightField
 from pipeline.report.page import page
 from pipeline.report.viewer import MOST_TEXELS, viewer
 
@@ -62,6 +63,14 @@ def test_it_starts_in_the_light_of_a_node(tmp_path: Path) -> None:
     assert sheet["constants"]["tiles"] == [2.0, 1.0]
     assert sheet["constants"]["inverse_reflectance"] == pytest.approx(25.0)
     assert caption.startswith("The maps of fit and period, lit as for torch. 40 × 40 points, repeated 2 × 1")
+
+
+def test_bumps_are_left_out_and_the_caption_says_so(tmp_path: Path) -> None:
+    run = lit_run(tmp_path)
+    run = run.with_node(FakeNode("skin", artifact="s"), HeightField(np.zeros((4, 4)), 10.0))
+    bumpy = replace(run.nodes["torch"], inputs={**run.nodes["torch"].inputs, "bumps": ("skin",)})
+    assert "Its bumps are left out." in shown(run.with_node(bumpy))[1]
+    assert "bumps" not in shown(run)[1]
 
 
 def test_absolute_orientations_come_first_and_others_are_told_of(tmp_path: Path) -> None:

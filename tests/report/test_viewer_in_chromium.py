@@ -196,6 +196,51 @@ def test_a_picture_can_be_kept(shown: Any) -> None:
     assert kept.shape == picture(shown).shape
 
 
+def test_two_fingers_zoom_and_one_moves_the_light(shown: Any) -> None:
+    shown.locator("canvas").scroll_into_view_if_needed()
+    box = shown.locator("canvas").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    touch = shown.context.new_cdp_session(shown)
+
+    def fingers(kind: str, *places: tuple[float, float]) -> None:
+        points = [{"x": x + across, "y": y + down, "id": k} for k, (across, down) in enumerate(places)]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    first = viewer(shown, "[viewer.light[0], viewer.zoom]")
+    fingers("touchStart", (0, 0))
+    fingers("touchMove", (40, 0))
+    fingers("touchEnd")
+    moved = viewer(shown, "[viewer.light[0], viewer.zoom]")
+    assert moved[0] > first[0]
+    assert moved[1] == 1.0
+    fingers("touchStart", (-20, 0), (20, 0))
+    fingers("touchMove", (-60, 0), (60, 0))
+    fingers("touchEnd")
+    assert viewer(shown, "viewer.zoom") == pytest.approx(3.0, rel=0.1)
+    assert viewer(shown, "viewer.light[0]") == moved[0]
+
+
+def test_a_lost_context_is_made_anew(shown: Any) -> None:
+    first = picture(shown)
+    viewer(shown, "(window.lost = viewer.painter.gl.getExtension('WEBGL_lose_context')).loseContext()")
+    shown.wait_for_function("() => document.querySelector('.viewer').viewer.painter.gl.isContextLost()")
+    viewer(shown, "lost.restoreContext()")
+    shown.wait_for_function("() => !document.querySelector('.viewer').viewer.painter.gl.isContextLost()")
+    shown.wait_for_timeout(100)
+    assert np.array_equal(picture(shown), first)
+
+
+def test_without_float_targets_there_is_no_table(browser: Any, report: Path) -> None:
+    tab = browser.new_page(viewport={"width": 560, "height": 700})
+    tab.add_init_script("WebGL2RenderingContext.prototype.getExtension = () => null;")
+    tab.goto(report.as_uri())
+    tab.wait_for_selector("figure.viewer.live", timeout=20_000)
+    assert tab.locator("input[value=spectral]").is_checked()
+    assert tab.locator("input[value=table]").is_disabled()
+    assert picture(tab)[..., :3].max() > 200
+    tab.close()
+
+
 def test_without_webgl_there_is_a_picture_and_a_sentence(playwright: Any, report: Path) -> None:
     browser = _launched(playwright, "--no-sandbox", "--disable-3d-apis")
     try:
