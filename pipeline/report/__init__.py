@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from pipeline.report.view import RunView
 
 
-FORMAT = 5
+FORMAT = 6
 """Counts up when the same value is drawn or written differently, so that older reports and files are made anew."""
 
 RECORD = ".written.json"

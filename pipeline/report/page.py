@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader
+from markupsafe import Markup
 
 from pipeline.data.pictures import PictureSeries
 from pipeline.errors import PipelineError
@@ -18,6 +19,8 @@ from pipeline.report.graph_picture import graph_svg
 from pipeline.report.naming import Labelled, duration, flat, labelled, moment, prose
 from pipeline.report.pictures import Figure, beside
 from pipeline.report.view import NodeView, RunView
+from pipeline.report.viewer import viewer
+from pipeline.viewer.shader import part
 
 FEW_TILES, MOST_TILES = 4, 6
 STATES = {"ran": "ran", "cached": "from cache", "failed": "failed", "blocked": "blocked", "absent": "absent"}
@@ -103,6 +106,8 @@ def page(run: RunView, drawing: Drawing | None = None) -> str:
     measured = [node for node in nodes if node.seconds is not None]
     return environment.get_template("report.html.j2").render(
         run=run,
+        viewer=viewer(run, drawing.values),
+        script=Markup(part("viewer.js")),
         tiles=_headlines(run, drawing.values),
         metrics=metrics,
         warnings=[(node.name, text) for node in nodes for text in node.warnings],
