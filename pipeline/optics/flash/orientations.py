@@ -19,7 +19,7 @@ TANGENT, ERROR, BRIGHTNESS, AGREEMENT = range(4)
 
 _REACH = 2.0
 _STEPS = 61
-_MODEL_ERROR = 0.05
+_MODEL_ERROR = 0.12
 """Of a lobe's height: what its shape may be wrong by, however well few views are met."""
 
 

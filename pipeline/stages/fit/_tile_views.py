@@ -125,7 +125,7 @@ def bench(
     sigma = light_sigma_mm or photos.light_sigma_mm or highlights.light_sigma_mm or 0.0
     wavelength = (photos.wavelength_nm or 1000 * WHITE_UM) / 1000
     partial = Bench(lights, eye, seen, np.zeros(len(lights)), sigma, coherence_um, wavelength)
-    radii = [keep_off * _highlight_sigma(partial, index, photos.pixel_mm or 0.0) for index in range(len(lights))]
+    radii = [keep_off * _highlight(partial, index, photos.pixel_mm or 0.0)[1] for index in range(len(lights))]
     return replace(partial, keep_off_mm=np.array(radii))
 
 
@@ -172,8 +172,13 @@ def _variance(half: HalfVectors, placed: Bench, pixel_mm: float) -> Float64Array
     )
 
 
-def _highlight_sigma(placed: Bench, index: int, pixel_mm: float) -> float:
-    """Standard deviation of a highlight on the sheet."""
+def spread_at_highlight(placed: Bench, pixel_mm: float) -> float:
+    """Standard deviation of lobes in half vectors, where the highlights are; the mean of the photographs."""
+    return float(np.mean([_highlight(placed, index, pixel_mm)[0] for index in range(len(placed.light_mm))]))
+
+
+def _highlight(placed: Bench, index: int, pixel_mm: float) -> tuple[float, float]:
+    """Standard deviation of a highlight in half vectors, and in mm on the sheet."""
     half = half_vectors(*placed.highlight_mm[index], placed.light_mm[index], placed.eye_mm)
-    per_mm = 1 / half.light_mm + 1 / half.eye_mm
-    return float(np.sqrt(_variance(half, placed, pixel_mm)) / per_mm)
+    spread = float(np.sqrt(_variance(half, placed, pixel_mm)))
+    return spread, spread / float(1 / half.light_mm + 1 / half.eye_mm)

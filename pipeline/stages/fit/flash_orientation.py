@@ -16,7 +16,7 @@ from pipeline.limits import above_zero, at_least, refuse, within, zero_or_more
 from pipeline.optics.flash.lobes import half_vectors
 from pipeline.optics.flash.next_light import BINS, directions_seen
 from pipeline.optics.flash.orientations import AGREEMENT, BRIGHTNESS, ERROR, TANGENT, add_profile, by_lobe, by_threshold
-from pipeline.stages.fit._tile_views import Bench, Views, bench, over_blocks
+from pipeline.stages.fit._tile_views import Bench, Views, bench, over_blocks, spread_at_highlight
 
 _log = logging.getLogger(__name__)
 
@@ -33,6 +33,8 @@ _RANGE = 100.0
 _NOISE = 6.0
 """Standard deviations of what is dark that a pixel's brightest view has to rise above the rest."""
 _PROFILE_STEP, _PROFILE_BINS = 0.01, 160
+_DARK, _LIT = 0.02, 0.2
+"""Of the brightest half vectors: below which lobes are not fitted, and above which a flash is said to show them."""
 _ROUNDS = 2
 _TRIED = 400
 """Unknown pixels for which the next light is chosen."""
@@ -48,7 +50,7 @@ def flash_orientation(
     method: Literal["lobe", "threshold"] = "lobe",
     steps: int = 24,
     floor: float | None = None,
-    keep_off: float = 3.0,
+    keep_off: float = 4.0,
     light_distance_mm: float | None = None,
     camera_distance_mm: float | None = None,
     light_sigma_mm: float | None = None,
@@ -179,28 +181,31 @@ def _levels(photos: FlashPhotographs, tiles: Tiles, placed: Bench) -> tuple[floa
 def _fit_lobes(photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArray[np.float32]) -> None:
     """Learn the brightness along the tangent and improve the tangents, in turn."""
     for _ in range(_ROUNDS):
-        sums: list[NDArray[np.float64]] = []
-
-        def add(views: Views, rows: slice, sums: list[NDArray[np.float64]] = sums) -> None:
-            part = np.zeros((2, _PROFILE_BINS))
-            length, gain = views.half.length.astype(np.float32), views.half.gain.astype(np.float32)
-            add_profile(
-                views.brightness, views.azimuth, views.width, length, gain, found[:, rows], _PROFILE_STEP, part
-            )
-            sums.append(part)
-
-        over_blocks(photos, tiles, placed, add)
-        bright, weight = np.sum(sums, axis=0)
-        profile = bright / np.maximum(weight, 1e-30)
-        profile[profile < 0.02 * profile.max()] = 0
+        profile = _profile(photos, tiles, placed, found)
+        profile[profile < _DARK * profile.max()] = 0
 
         def improve(views: Views, rows: slice, profile: NDArray[np.float64] = profile) -> None:
             length, gain = views.half.length.astype(np.float32), views.half.gain.astype(np.float32)
-            by_lobe(
-                views.brightness, views.azimuth, views.width, length, gain, profile, _PROFILE_STEP, found[:, rows]
-            )
+            by_lobe(views.brightness, views.azimuth, views.width, length, gain, profile, _PROFILE_STEP, found[:, rows])
 
         over_blocks(photos, tiles, placed, improve)
+
+
+def _profile(
+    photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """Brightness of lobes along their tangent, in bins of the half vector's length."""
+    parts: list[NDArray[np.float64]] = []
+
+    def add(views: Views, rows: slice) -> None:
+        part = np.zeros((2, _PROFILE_BINS))
+        length, gain = views.half.length.astype(np.float32), views.half.gain.astype(np.float32)
+        add_profile(views.brightness, views.azimuth, views.width, length, gain, found[:, rows], _PROFILE_STEP, part)
+        parts.append(part)
+
+    over_blocks(photos, tiles, placed, add)
+    bright, weight = np.sum(parts, axis=0)
+    return np.asarray(bright / np.maximum(weight, 1e-30))
 
 
 def _figures(mask: NDArray[np.bool_], found: NDArray[np.float32]) -> dict[str, float]:
@@ -222,8 +227,10 @@ def _next_light(
     rows, columns = photos.valid.shape[1:]
     x = (on_sheet[:, 0] / on_sheet[:, 2] - (columns - 1) / 2) * tiles.pixel_mm
     y = ((rows - 1) / 2 - on_sheet[:, 1] / on_sheet[:, 2]) * tiles.pixel_mm
-    lit = _lit_range(photos, tiles, placed, found)
-    width = 2 * float(np.nanmedian(found[ERROR]))
+    profile = _profile(photos, tiles, placed, found)
+    bright = np.flatnonzero(profile > _LIT * profile.max())
+    lit = float(bright[0]) * _PROFILE_STEP, float(bright[-1] + 1) * _PROFILE_STEP
+    width = 2 * spread_at_highlight(placed, tiles.pixel_mm) / float(np.mean(lit))
 
     def seen(light: NDArray[np.float64]) -> NDArray[np.bool_]:
         half = half_vectors(x, y, light, placed.eye_mm)
@@ -244,33 +251,6 @@ def _next_light(
     gains = [int((seen(np.array(one)) & ~known).sum()) for one in candidates]
     best = int(np.argmax(gains))
     return candidates[best], 100 * gains[best] / int((~known).sum())
-
-
-def _lit_range(
-    photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArray[np.float32]
-) -> tuple[float, float]:
-    """Lengths of the half vector between which pixels are bright along their tangent."""
-    sums = np.zeros((2, _PROFILE_BINS))
-
-    def add(views: Views, rows: slice) -> None:
-        length = views.half.length.astype(np.float32)
-        part = np.zeros_like(sums)
-        add_profile(
-            views.brightness,
-            views.azimuth,
-            views.width,
-            length,
-            np.ones_like(length),
-            found[:, rows],
-            _PROFILE_STEP,
-            part,
-        )
-        np.add(sums, part, out=sums)
-
-    over_blocks(photos, tiles, placed, add)
-    profile = sums[0] / np.maximum(sums[1], 1e-30)
-    lit = np.flatnonzero(profile > 0.2 * profile.max())
-    return float(lit[0]) * _PROFILE_STEP, float(lit[-1] + 1) * _PROFILE_STEP
 
 
 def _check_flash_orientation(

@@ -1,0 +1,380 @@
+"""Period of a tile's gratings from photographs of a sheet under a filtered flash."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.flash import FlashPhotographs, Tiles
+from pipeline.data.flash_maps import Highlights
+from pipeline.data.gratings import OrientationMap, PeriodMap
+from pipeline.errors import InputError
+from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
+from pipeline.optics.flash.common_fit import Common, Sample, common_fit
+from pipeline.optics.flash.lobes import FWHM
+from pipeline.optics.flash.periods import Orders, best_periods, common_variation
+from pipeline.stages.fit._tile_views import Bench, Views, bench, over_blocks
+
+_log = logging.getLogger(__name__)
+
+_tolerance_flash_period = {"period_um": 1e-3, "standard_error_um": 1e-2, "metrics": 0.1}
+
+_STEP = 0.008
+"""Of the periods tried, relative."""
+_SAMPLE = 30_000
+"""Views from which common figures are fitted."""
+_ACROSS = 3.0
+_BLOCKS = 8
+"""Along a side of the tile, for the jackknife."""
+_SIGNIFICANT = 3.0
+_FEWEST = 50
+"""Pixels measured twice, below which nothing is tested."""
+_UNFILTERED_BANDWIDTH_NM = 100.0
+"""About that of a camera's green channel."""
+
+Array = NDArray[np.floating]
+
+
+def flash_period(
+    photos: FlashPhotographs,
+    tiles: Tiles,
+    highlights: Highlights,
+    orientation: OrientationMap,
+    *,
+    method: Literal["modelled", "naive"] = "modelled",
+    kind: Literal["auto", "constant", "varying"] = "auto",
+    tolerance_percent: float = 1.0,
+    share: float = 0.5,
+    keep_off: float = 1.5,
+    shortest_um: float = 0.7,
+    longest_um: float = 4.0,
+    wavelength_nm: float | None = None,
+    light_distance_mm: float | None = None,
+    camera_distance_mm: float | None = None,
+    light_sigma_mm: float | None = None,
+    coherence_um: float = 65.0,
+) -> PeriodMap:
+    """Read periods off where, around the highlight, a tile's repeats send light of one wavelength to the camera.
+
+    The first order of wavelength lambda is seen where the half vector's part u along the tangent is lambda / a.
+    ``naive`` is the paper's method: each bright view outside the highlight gives ``a = lambda / |u|``. It is biased,
+    since a flash that is not small smears orders, and the highlight's flank lifts what lies on its side of them.
+    ``modelled`` fits each pixel's views by the orders up to the second, each as wide as the flash, the coherence
+    window, the filter's band and the pixel make it; the flash's extent and the share of the zeroth and the second
+    order are fitted to all pixels together.
+
+    Whether one number will do is tested: each pixel is measured twice, from either half of the tiles. What both
+    measurements share is real, what they do not is error. Where the shared scatter is less than
+    ``tolerance_percent`` or not significant (3 standard errors, by a jackknife over blocks), the period is called
+    constant, and one number is fitted to all views and given to all pixels.
+
+    Parameters
+    ----------
+    photos : FlashPhotographs
+        Rectified, with a filter.
+    tiles, highlights : Tiles, Highlights
+        Of the same sheet, and of these photographs.
+    orientation : OrientationMap
+        Of the tile.
+    method : {"modelled", "naive"}
+        The fit of lobes, or the paper's equation 3.
+    kind : {"auto", "constant", "varying"}
+        One period, a map, or what the test says.
+    tolerance_percent : float
+        Scatter of periods that is not worth a map.
+    share : float
+        Of the brightest: views that ``naive`` reads.
+    keep_off : float
+        Standard deviations of the highlight within which no pixel is read.
+    shortest_um, longest_um : float
+        Between which periods are sought.
+    wavelength_nm : float, optional
+        Of the light, where the photographs do not say; white light gives wrong periods.
+    light_distance_mm, camera_distance_mm : float, optional
+        From the sheet, where the photographs do not know them: the flash then stands where the highlight puts it.
+    light_sigma_mm : float, optional
+        Extent of the flash from which the fit starts.
+    coherence_um : float
+        Width 4 sigma_s of the coherence window; 65 um for sunlight.
+
+    Returns
+    -------
+    PeriodMap
+        Of the tile, absolute.
+
+    Raises
+    ------
+    InputError
+        The wavelength or a distance is not known, the orientation is of another tile, or nothing is bright.
+
+    References
+    ----------
+    Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
+    sections 4.4 and 7.1, equation 3.
+    """
+    _check_flash_period(
+        tolerance_percent=tolerance_percent,
+        share=share,
+        keep_off=keep_off,
+        shortest_um=shortest_um,
+        longest_um=longest_um,
+        wavelength_nm=wavelength_nm,
+        light_distance_mm=light_distance_mm,
+        camera_distance_mm=camera_distance_mm,
+        light_sigma_mm=light_sigma_mm,
+        coherence_um=coherence_um,
+    )
+    if orientation.orientation_rad.shape != tuple(tiles.shape):
+        raise InputError(
+            f"an orientation map of {orientation.orientation_rad.shape} is not of a tile of {tuple(tiles.shape)}",
+            expected="the map of the same tile",
+        )
+    orders = _orders(photos, wavelength_nm)
+    placed = bench(
+        photos,
+        highlights,
+        light_distance_mm=light_distance_mm,
+        camera_distance_mm=camera_distance_mm,
+        light_sigma_mm=light_sigma_mm,
+        coherence_um=coherence_um,
+        keep_off=keep_off,
+    )
+    if method == "naive":
+        return _naive(photos, tiles, placed, orientation, orders, share=share, longest_um=longest_um)
+    scan = _Scan(photos, tiles, placed, orientation, np.exp(np.arange(np.log(shortest_um), np.log(longest_um), _STEP)))
+    found, _ = scan.of(orders, placed)
+    first = found[0, 0]
+    if not np.isfinite(first).any():
+        raise InputError("no pixel is bright where an order would be", expected="photographs with a filter before the camera")
+    middle = float(np.nanmedian(first))
+    start = placed.light_sigma_mm or 1.0
+    common = common_fit(scan.sample(first), orders, period_um=middle, light_sigma_mm=start)
+    wider = replace(placed, light_sigma_mm=common.light_sigma_mm)
+    found, pairs = scan.of(common.orders, wider)
+    verdict = _verdict(found, tolerance_percent)
+    constant = verdict.constant if kind == "auto" else kind == "constant"
+    _log.info("%s", verdict.words)
+    metrics = {"period_variation_percent": verdict.percent, "period_constant": float(constant)}
+    metrics |= _scatter(found[0, 0][np.isfinite(found[0, 0])])
+    period, error = found[0, 0].astype(np.float32), found[0, 1].astype(np.float32)
+    mask = orientation.mask & np.isfinite(period)
+    if constant:
+        common = common_fit(
+            scan.sample(None), common.orders, period_um=float(np.nanmedian(period)), light_sigma_mm=common.light_sigma_mm
+        )
+        assert common.period_um is not None
+        mask = orientation.mask
+        period = np.where(mask, np.float32(common.period_um), np.float32(np.nan))
+        error = np.where(mask, np.float32(_error_of_common(found[0, 0])), np.float32(np.nan))
+        metrics["period_um"] = common.period_um
+    metrics |= {"light_sigma_mm": common.light_sigma_mm, "lobe_residual_percent": 100 * common.residual}
+    return PeriodMap(
+        period_um=np.where(mask, period, np.float32(np.nan)),
+        mask=mask,
+        pixel_mm=tiles.pixel_mm,
+        relative=False,
+        standard_error_um=np.where(mask, error, np.float32(np.nan)),
+        metrics=metrics,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """The views of a tile, read again for each model of their lobes."""
+
+    photos: FlashPhotographs
+    tiles: Tiles
+    placed: Bench
+    orientation: OrientationMap
+    periods: NDArray[np.float64]
+
+    def of(self, orders: Orders, placed: Bench) -> tuple[NDArray[np.float64], None]:
+        """Periods and standard errors, shape (3, 2, M, N): of all views and of either half."""
+        found = np.full((3, 2, *self.tiles.shape), np.nan)
+        photographs, tiles = len(self.photos.radiance), len(self.tiles.homographies)
+        halves = np.add.outer(np.arange(photographs), np.arange(tiles)).ravel() % 2
+        wide = replace(placed, keep_off_mm=self.placed.keep_off_mm)
+
+        def read(views: Views, rows: slice) -> None:
+            u, v = _along(views, self.orientation.orientation_rad[rows])
+            best_periods(
+                views.brightness,
+                u,
+                v,
+                views.spread**2,
+                views.half.gain,
+                halves,
+                self.periods,
+                orders.wavelength_um,
+                orders.band_um,
+                orders.mirror,
+                orders.second,
+                found[:, :, rows],
+            )
+
+        over_blocks(self.photos, self.tiles, wide, read)
+        return found, None
+
+    def sample(self, period_um: Array | None) -> Sample:
+        """Some of the views near the tangent, chosen evenly."""
+        parts: list[NDArray[np.float64]] = []
+        total = len(self.photos.radiance) * len(self.tiles.homographies) * int(np.prod(self.tiles.shape))
+        every = max(1, int(total * 0.1) // _SAMPLE)
+
+        def read(views: Views, rows: slice) -> None:
+            u, v = _along(views, self.orientation.orientation_rad[rows])
+            known = np.zeros_like(u) if period_um is None else np.broadcast_to(period_um[rows], u.shape)
+            near = np.isfinite(views.brightness) & np.isfinite(u) & np.isfinite(known) & (v**2 < (_ACROSS * views.spread) ** 2)
+            light = views.half.light_mm
+            rest = views.spread**2 - (self.placed.light_sigma_mm / light) ** 2
+            columns = (views.brightness, u, v, views.half.gain, light, rest, known)
+            parts.append(np.stack([column[near][::every] for column in columns]).astype(np.float64))
+
+        over_blocks(self.photos, self.tiles, self.placed, read)
+        parts.sort(key=lambda part: float(part[:2].sum()))
+        *columns, known = np.concatenate(parts, axis=1)
+        return Sample(*columns, period_um=None if period_um is None else known)
+
+
+def _along(views: Views, orientation_rad: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Half vectors along the tangent and across it."""
+    cosine, sine = np.cos(orientation_rad, dtype=np.float64), np.sin(orientation_rad, dtype=np.float64)
+    return views.half.x * cosine + views.half.y * sine, views.half.y * cosine - views.half.x * sine
+
+
+def _orders(photos: FlashPhotographs, wavelength_nm: float | None) -> Orders:
+    wavelength = wavelength_nm or photos.wavelength_nm
+    if wavelength is None:
+        raise InputError(
+            "the photographs were taken without a filter",
+            where="wavelength_nm",
+            expected="photographs with one: each wavelength is diffracted elsewhere",
+        )
+    if photos.wavelength_nm is None:
+        _log.warning("without a filter all wavelengths are seen at once: periods are wrong")
+    bandwidth = photos.bandwidth_nm or (_UNFILTERED_BANDWIDTH_NM if photos.wavelength_nm is None else 0.0)
+    return Orders(wavelength / 1000, bandwidth / FWHM / 1000)
+
+
+def _naive(
+    photos: FlashPhotographs,
+    tiles: Tiles,
+    placed: Bench,
+    orientation: OrientationMap,
+    orders: Orders,
+    *,
+    share: float,
+    longest_um: float,
+) -> PeriodMap:
+    """Each bright view's ``lambda / |u|``; a pixel takes their mean by brightness."""
+    shape = tiles.shape
+    peak = np.zeros(shape)
+    least = orders.wavelength_um / longest_um
+
+    def brightest(views: Views, rows: slice) -> None:
+        outside = np.where(views.half.length > least, views.brightness, 0)
+        peak[rows] = np.nan_to_num(outside).max(axis=0)
+
+    over_blocks(photos, tiles, placed, brightest)
+    level = share * float(np.percentile(peak[orientation.mask], 99.5))
+    period = np.full(shape, np.nan, np.float32)
+    every: list[NDArray[np.float64]] = []
+
+    def read(views: Views, rows: slice) -> None:
+        u, _ = _along(views, orientation.orientation_rad[rows])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = orders.wavelength_um / np.abs(u)
+        bright = (views.brightness > level) & (value < longest_um)
+        weight = np.where(bright, views.brightness, 0).astype(np.float64)
+        total = weight.sum(axis=0)
+        mean = np.where(bright, weight * value, 0).sum(axis=0) / np.where(total > 0, total, np.nan)
+        period[rows] = mean
+        every.append(value[bright])
+
+    over_blocks(photos, tiles, placed, read)
+    chosen = np.concatenate(every)
+    if not chosen.size:
+        raise InputError("no view outside the highlights is bright", where="share", expected="a lower one")
+    mask = orientation.mask & np.isfinite(period)
+    return PeriodMap(
+        np.where(mask, period, np.float32(np.nan)), mask, tiles.pixel_mm, relative=False, metrics=_scatter(chosen)
+    )
+
+
+def _scatter(periods: Array) -> dict[str, float]:
+    return {
+        "period_mean_um": float(np.mean(periods, dtype=np.float64)),
+        "period_std_um": float(np.std(periods, dtype=np.float64)),
+        "period_min_um": float(np.min(periods)),
+        "period_max_um": float(np.max(periods)),
+    }
+
+
+@dataclass(frozen=True)
+class _Verdict:
+    constant: bool
+    percent: float
+    words: str
+
+
+def _verdict(found: Array, tolerance_percent: float) -> _Verdict:
+    """Whether the periods of pixels differ by more than their measurements do."""
+    first, second = found[1, 0], found[2, 0]
+    twice = np.isfinite(first) & np.isfinite(second)
+    if np.count_nonzero(twice) < _FEWEST:
+        return _Verdict(False, float("nan"), "Too few pixels are seen twice to test whether the period varies: a map.")
+    rows, columns = np.indices(first.shape)
+    blocks = (rows * _BLOCKS // first.shape[0]) * _BLOCKS + columns * _BLOCKS // first.shape[1]
+    scatter, errors = common_variation(first[twice], second[twice], blocks[twice])
+    percent = 100 * scatter
+    constant = percent < tolerance_percent or errors < _SIGNIFICANT
+    reason = f"Periods vary by {percent:.2g} percent ({errors:.1f} standard errors above none)"
+    return _Verdict(constant, percent, f"{reason}: {'one number will do' if constant else 'a map'}.")
+
+
+def _error_of_common(period: Array) -> float:
+    """Standard error of one period for all pixels, from the scatter of the medians of blocks."""
+    rows, columns = np.indices(period.shape)
+    blocks = (rows * _BLOCKS // period.shape[0]) * _BLOCKS + columns * _BLOCKS // period.shape[1]
+    medians = [np.nanmedian(period[blocks == one]) for one in range(_BLOCKS**2) if np.isfinite(period[blocks == one]).any()]
+    return float(np.std(medians) / np.sqrt(len(medians)))
+
+
+def _check_flash_period(
+    *,
+    tolerance_percent: float,
+    share: float,
+    keep_off: float,
+    shortest_um: float,
+    longest_um: float,
+    wavelength_nm: float | None,
+    light_distance_mm: float | None,
+    camera_distance_mm: float | None,
+    light_sigma_mm: float | None,
+    coherence_um: float,
+    **_: object,
+) -> None:
+    """Refuse impossible settings before anything runs."""
+    refuse(
+        zero_or_more(tolerance_percent=tolerance_percent, keep_off=keep_off),
+        above_zero_up_to(1, share=share),
+        above_zero(
+            shortest_um=shortest_um,
+            longest_um=longest_um,
+            wavelength_nm=wavelength_nm,
+            light_distance_mm=light_distance_mm,
+            camera_distance_mm=camera_distance_mm,
+            light_sigma_mm=light_sigma_mm,
+            coherence_um=coherence_um,
+        ),
+    )
+    if shortest_um >= longest_um:
+        raise InputError(
+            f"shortest_um {shortest_um:g} is not below longest_um {longest_um:g}",
+            where="shortest_um, longest_um",
+            expected="the shortest below the longest",
+        )
