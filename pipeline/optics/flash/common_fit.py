@@ -1,5 +1,5 @@
-"""What all lobes of a sheet have in common, by least squares over many views: the light's extent, orders' shares, and
-the period where it is the same everywhere.
+"""What all lobes of a sheet have in common, by least squares over many views: the light's extent, the gratings' depth,
+and the period where it is the same everywhere.
 """
 
 from __future__ import annotations
@@ -8,16 +8,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, nnls
+from scipy.optimize import least_squares
 
 from pipeline.optics.flash.periods import Orders, order_sum
 
 Float64Array = NDArray[np.float64]
 
+DEPTHS_UM = (0.02, 0.25)
+"""Between which depths are sought: shallower gratings are hardly seen, deeper ones take back what they gave."""
+
 _ROUNDS = 3
 _FAINT = 0.03
-"""Of a first order's peak: brightness of which errors no longer count in proportion."""
+"""Of the peak outside highlights: brightness of which errors no longer count in proportion."""
 _OUTLIER = 0.1
+_LARGEST = 10.0
+"""By how much the light may be larger or smaller than where the fit starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +31,8 @@ class Sample:
 
     Attributes
     ----------
-    brightness, u, v, gain : ndarray
-        Of each view, and what geometry makes of an order's share.
+    brightness, u, v, w, gain : ndarray
+        Of each view, its half vector in the grating's frame, and what geometry makes of an order's share.
     light_mm : ndarray
         Distance of the light.
     rest : ndarray
@@ -39,6 +44,7 @@ class Sample:
     brightness: Float64Array
     u: Float64Array
     v: Float64Array
+    w: Float64Array
     gain: Float64Array
     light_mm: Float64Array
     rest: Float64Array
@@ -56,7 +62,7 @@ class Common:
     light_sigma_mm : float
         Standard deviation of the light's extent.
     orders : Orders
-        With the shares of the zeroth and second order.
+        With the depth.
     residual : float
         Root mean square of what is left, relative to the brightness or to a faint part of the peak.
     """
@@ -70,46 +76,50 @@ class Common:
 def common_fit(sample: Sample, orders: Orders, *, period_um: float, light_sigma_mm: float) -> Common:
     """Fit the lobes of all views together, starting from a period and an extent of the light.
 
-    Shares are linear and solved for, none below 0, beside a constant for stray light; views that differ by more than a
-    tenth count less and less (soft L1).
+    Height and a constant for stray light are linear and solved for; views that differ by more than a tenth count less
+    and less (soft L1).
     """
-    weight = 1 / (sample.brightness + np.percentile(sample.brightness, 99))
-    start = [np.log(max(light_sigma_mm, 0.3)), *([] if sample.period_um is not None else [np.log(period_um)])]
+    peak = float(np.percentile(sample.brightness, 99))
+    weight = 1 / (sample.brightness + peak)
+    depth = orders.depth_um or 0.1
+    start = np.array([np.log(light_sigma_mm), np.log(depth), np.log(period_um)])
+    free = 2 if sample.period_um is not None else 3
+    low = np.array([start[0] - np.log(_LARGEST), np.log(DEPTHS_UM[0]), start[2] - 0.7])
+    high = np.array([start[0] + np.log(_LARGEST), np.log(DEPTHS_UM[1]), start[2] + 0.7])
 
-    def model(values: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def model(values: Float64Array) -> Float64Array:
         variance = (np.exp(values[0]) / sample.light_mm) ** 2 + sample.rest
-        period = sample.period_um if sample.period_um is not None else np.exp(values[1])
-        columns = [
-            sample.gain * order_sum(sample.u, sample.v, variance, np.asarray(period), part)
-            for part in (orders, replace(orders, mirror=1.0), replace(orders, second=1.0))
-        ]
-        first = columns[0]
-        design = np.stack([first, columns[1] - first, columns[2] - first, np.ones_like(first)], axis=1)
-        scale = np.linalg.norm(design * weight[:, None], axis=0)
-        scaled = design * (weight[:, None] / np.maximum(scale, 1e-300))
-        gram, right = scaled.T @ scaled, scaled.T @ (weight * sample.brightness)
-        root = np.linalg.cholesky(gram + 1e-9 * np.eye(4))
-        shares = nnls(root.T, np.linalg.solve(root, right))[0] / np.maximum(scale, 1e-300)
-        return design @ shares, shares
+        deep = replace(orders, depth_um=float(np.exp(values[1])))
+        period = float(np.exp(values[2])) if sample.period_um is None else sample.period_um
+        shape = sample.gain * order_sum(sample.u, sample.v, variance, deep.shares(sample.w), period, deep)
+        return _scaled(shape, sample.brightness, weight)
 
     for _ in range(_ROUNDS):
         fitted = least_squares(
-            lambda values: weight * (model(values)[0] - sample.brightness),
-            start,
+            lambda values: weight * (model(values) - sample.brightness),
+            start[:free],
+            bounds=(low[:free], high[:free]),
             loss="soft_l1",
             f_scale=_OUTLIER,
-            x_scale=0.1,
             max_nfev=40,
         )
-        start = list(fitted.x)
-        brightness, shares = model(fitted.x)
-        first = shares[0] * np.max(sample.gain * order_sum(sample.u, sample.v, sample.rest + (np.exp(start[0]) / sample.light_mm) ** 2, np.asarray(sample.period_um if sample.period_um is not None else np.exp(start[1])), orders))
-        weight = 1 / (brightness + _FAINT * max(first, 1e-30))
-    left = weight * (brightness - sample.brightness)
-    base = max(shares[0], 1e-30)
+        start[:free] = fitted.x
+        weight = 1 / (model(fitted.x) + _FAINT * peak)
     return Common(
-        period_um=None if sample.period_um is not None else float(np.exp(start[1])),
+        period_um=float(np.exp(start[2])) if free == 3 else None,
         light_sigma_mm=float(np.exp(start[0])),
-        orders=replace(orders, mirror=float(shares[1] / base), second=float(shares[2] / base)),
-        residual=float(np.sqrt(np.mean(left**2))),
+        orders=replace(orders, depth_um=float(np.exp(start[1]))),
+        residual=float(np.sqrt(np.mean((weight * (model(start[:free]) - sample.brightness)) ** 2))),
     )
+
+
+def _scaled(shape: Float64Array, brightness: Float64Array, weight: Float64Array) -> Float64Array:
+    """Height times shape plus a constant, neither below 0, that is closest to the brightness."""
+    square = weight**2
+    total, mean, level = square.sum(), (square * shape).sum(), (square * brightness).sum()
+    cross, norm = (square * shape * brightness).sum(), (square * shape**2).sum()
+    height = (total * cross - mean * level) / max(total * norm - mean**2, 1e-300)
+    constant = (level - height * mean) / total
+    if constant < 0:
+        height, constant = cross / max(norm, 1e-300), 0.0
+    return max(height, 0.0) * shape + constant

@@ -26,8 +26,8 @@ class HalfVectors:
 
     Attributes
     ----------
-    x, y : ndarray
-        Components of the half vector in the sheet's plane.
+    x, y, w : ndarray
+        Components of the half vector in the sheet's plane, and along its normal.
     gain : ndarray
         Radiance that an order's share of the light gives there: Stam's geometry, the light's obliquity and the inverse
         square of its distance in metres.
@@ -37,6 +37,7 @@ class HalfVectors:
 
     x: Float64Array
     y: Float64Array
+    w: Float64Array
     gain: Float64Array
     light_mm: Float64Array
     eye_mm: Float64Array
@@ -71,7 +72,7 @@ def half_vectors(x_mm: ArrayLike, y_mm: ArrayLike, light_mm: Float64Array, eye_m
     w = cos_light + cos_eye
     between = (hx**2 + hy**2 + w**2) / 2 - 1
     gain = (1 + between) ** 2 / (cos_eye * w**2) * (1000 / light) ** 2
-    return HalfVectors(hx, hy, gain, light, eye)
+    return HalfVectors(hx, hy, w, gain, light, eye)
 
 
 def mirror_point(light_mm: ArrayLike, eye_mm: ArrayLike) -> Float64Array:

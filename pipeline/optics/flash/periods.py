@@ -9,16 +9,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.optics.gratings import order_efficiency
+
 Float64Array = NDArray[np.float64]
 
 _ACROSS = 4.0
 """Standard deviations from the tangent beyond which every view is dark, whatever the period."""
 _MODEL_ERROR = 0.05
+_FAR = 16.0
 
 
 @dataclass(frozen=True)
 class Orders:
-    """Light of one wavelength sent into orders.
+    """Light of one wavelength on sinusoidal gratings.
 
     Attributes
     ----------
@@ -26,29 +29,42 @@ class Orders:
         Of the light.
     band_um : float
         Standard deviation of the filter's band.
-    mirror, second : float
-        Shares of the zeroth and of either second order, relative to that of a first one.
+    depth_um : float or None
+        Peak-to-valley depth of the gratings, which says what share of the light each order takes; None where only the
+        first is looked at.
     """
 
     wavelength_um: float
     band_um: float = 0.0
-    mirror: float = 0.0
-    second: float = 0.0
+    depth_um: float | None = None
+
+    def shares(self, w: Float64Array) -> Float64Array:
+        """Of orders 0, 1 and 2, shape (3, ...), where the half vector's part along the normal is ``w``."""
+        order = np.arange(3).reshape(3, *[1] * np.ndim(w))
+        if self.depth_um is None:
+            return np.broadcast_to(order == 1, (3, *np.shape(w))).astype(np.float64)
+        return order_efficiency(order, 2 * np.pi / self.wavelength_um * w * self.depth_um)
 
 
 def order_sum(
-    u: Float64Array, v: Float64Array, variance: Float64Array, period_um: Float64Array, orders: Orders
+    u: Float64Array,
+    v: Float64Array,
+    variance: Float64Array,
+    shares: Float64Array,
+    period_um: Float64Array | float,
+    orders: Orders,
 ) -> Float64Array:
-    """Brightness of all orders up to the second at half vectors (u, v), relative to a first order's share.
+    """Brightness of all orders up to the second at half vectors (u, v).
 
     Each order is a Gaussian of ``variance`` across the tangent, wider along it by the filter's band, which order m
     spreads over ``m band / a``; its integral stays.
     """
-    total = orders.mirror * np.exp(-(u**2 + v**2) / (2 * variance)) / variance
-    for order, share in ((1, 1.0), (2, orders.second)):
+    total = np.zeros(np.shape(u))
+    for order in (-2, -1, 0, 1, 2):
         along = variance + (order * orders.band_um / period_um) ** 2
-        away = np.abs(u) - order * orders.wavelength_um / period_um
-        total = total + share * np.exp(-(away**2) / (2 * along) - v**2 / (2 * variance)) / np.sqrt(along * variance)
+        away = u - order * orders.wavelength_um / period_um
+        lobe = np.exp(-(away**2) / (2 * along) - v**2 / (2 * variance)) / np.sqrt(along * variance)
+        total += shares[abs(order)] * lobe
     return total
 
 
@@ -58,13 +74,11 @@ def best_periods(
     u: Any,
     v: Any,
     variance: Any,
-    gain: Any,
+    shares: Any,
     halves: Any,
     periods: Any,
     wavelength: float,
     band: float,
-    mirror: float,
-    second: float,
     found: Any,
 ) -> None:
     """Fill ``found`` (3, 2, M, N): the period that fits best and its standard error, of all views and of either half.
@@ -74,8 +88,10 @@ def best_periods(
 
     Parameters
     ----------
-    brightness, u, v, variance, gain : ndarray of shape (O, M, N)
+    brightness, u, v, variance : ndarray of shape (O, M, N)
         Views of a tile; NaN where there is none.
+    shares : ndarray of shape (3, O, M, N)
+        Brightness of orders 0, 1 and 2 for a light without extent.
     halves : ndarray of shape (O,), int64
         0 or 1: which half of the views each belongs to.
     """
@@ -105,16 +121,15 @@ def best_periods(
                     cross = norm = 0.0
                     for n in range(count):
                         i = use[n]
-                        across, along = v[i, row, column] ** 2, abs(u[i, row, column])
-                        s = variance[i, row, column]
-                        s1, s2 = s + wide * wide, s + 4 * wide * wide
-                        fade = np.exp(-across / (2 * s))
-                        lobe = fade * np.exp(-((along - first) ** 2) / (2 * s1)) / np.sqrt(s * s1)
-                        if second:
-                            lobe += second * fade * np.exp(-((along - 2 * first) ** 2) / (2 * s2)) / np.sqrt(s * s2)
-                        if mirror:
-                            lobe += mirror * fade * np.exp(-along * along / (2 * s)) / s
-                        lobe *= gain[i, row, column]
+                        along, s = abs(u[i, row, column]), variance[i, row, column]
+                        lobe = 0.0
+                        for order in range(-1, 3):
+                            wider = s + (order * wide) ** 2
+                            away = (along - order * first) ** 2 / (2 * wider)
+                            share = shares[abs(order), i, row, column]
+                            if share > 0 and away < _FAR:
+                                lobe += share * np.exp(-away) / np.sqrt(s * wider)
+                        lobe *= np.exp(-(v[i, row, column] ** 2) / (2 * s))
                         cross += brightness[i, row, column] * lobe
                         norm += lobe * lobe
                     scores[k] = cross * cross / (norm * square) if norm > 0 else 0.0

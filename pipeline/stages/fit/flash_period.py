@@ -23,14 +23,18 @@ _log = logging.getLogger(__name__)
 
 _tolerance_flash_period = {"period_um": 1e-3, "standard_error_um": 1e-2, "metrics": 0.1}
 
-_STEP = 0.008
+_STEP = 0.015
 """Of the periods tried, relative."""
-_SAMPLE = 30_000
+_SAMPLE = 20_000
 """Views from which common figures are fitted."""
 _ACROSS = 3.0
 _BLOCKS = 8
 """Along a side of the tile, for the jackknife."""
 _SIGNIFICANT = 3.0
+_SURE = 0.05
+"""Relative standard error beyond which a measurement takes no part in the test."""
+_EXPLAINED = 0.25
+"""Residual, relative to brightness, above which one period does not explain the views."""
 _FEWEST = 50
 """Pixels measured twice, below which nothing is tested."""
 _UNFILTERED_BANDWIDTH_NM = 100.0
@@ -69,8 +73,8 @@ def flash_period(
 
     Whether one number will do is tested: each pixel is measured twice, from either half of the tiles. What both
     measurements share is real, what they do not is error. Where the shared scatter is less than
-    ``tolerance_percent`` or not significant (3 standard errors, by a jackknife over blocks), the period is called
-    constant, and one number is fitted to all views and given to all pixels.
+    ``tolerance_percent`` or not significant (3 standard errors, by a jackknife over blocks), and lobes of one period
+    leave less than a quarter of the brightness unexplained, that one, fitted to all views, is given to all pixels.
 
     Parameters
     ----------
@@ -146,32 +150,22 @@ def flash_period(
     if method == "naive":
         return _naive(photos, tiles, placed, orientation, orders, share=share, longest_um=longest_um)
     scan = _Scan(photos, tiles, placed, orientation, np.exp(np.arange(np.log(shortest_um), np.log(longest_um), _STEP)))
-    found, _ = scan.of(orders, placed)
-    first = found[0, 0]
-    if not np.isfinite(first).any():
-        raise InputError("no pixel is bright where an order would be", expected="photographs with a filter before the camera")
-    middle = float(np.nanmedian(first))
-    start = placed.light_sigma_mm or 1.0
-    common = common_fit(scan.sample(first), orders, period_um=middle, light_sigma_mm=start)
-    wider = replace(placed, light_sigma_mm=common.light_sigma_mm)
-    found, pairs = scan.of(common.orders, wider)
-    verdict = _verdict(found, tolerance_percent)
-    constant = verdict.constant if kind == "auto" else kind == "constant"
+    one, each = scan.common(scan.of(orders, placed)[0, 0], orders)
+    common = min(one, each, key=lambda fit: fit.residual)
+    found = scan.of(common.orders, replace(placed, light_sigma_mm=common.light_sigma_mm))
+    verdict = _verdict(found, one.residual, tolerance_percent)
     _log.info("%s", verdict.words)
+    constant = verdict.constant if kind == "auto" else kind == "constant"
+    period, error = found[0].astype(np.float32)
+    known = np.isfinite(period)
     metrics = {"period_variation_percent": verdict.percent, "period_constant": float(constant)}
-    metrics |= _scatter(found[0, 0][np.isfinite(found[0, 0])])
-    period, error = found[0, 0].astype(np.float32), found[0, 1].astype(np.float32)
-    mask = orientation.mask & np.isfinite(period)
+    metrics |= {"one_period_residual_percent": 100 * one.residual, **_scatter(period[known])}
+    mask = orientation.mask if constant else orientation.mask & known
     if constant:
-        common = common_fit(
-            scan.sample(None), common.orders, period_um=float(np.nanmedian(period)), light_sigma_mm=common.light_sigma_mm
-        )
-        assert common.period_um is not None
-        mask = orientation.mask
-        period = np.where(mask, np.float32(common.period_um), np.float32(np.nan))
-        error = np.where(mask, np.float32(_error_of_common(found[0, 0])), np.float32(np.nan))
-        metrics["period_um"] = common.period_um
-    metrics |= {"light_sigma_mm": common.light_sigma_mm, "lobe_residual_percent": 100 * common.residual}
+        common = one
+        metrics["period_um"] = one.period_um or np.nan
+        period, error = (np.full_like(period, value) for value in (one.period_um, _error_of_common(period)))
+    metrics |= {"light_sigma_mm": common.light_sigma_mm, "depth_um": common.orders.depth_um or 0.0, "lobe_residual_percent": 100 * common.residual}
     return PeriodMap(
         period_um=np.where(mask, period, np.float32(np.nan)),
         mask=mask,
@@ -192,7 +186,7 @@ class _Scan:
     orientation: OrientationMap
     periods: NDArray[np.float64]
 
-    def of(self, orders: Orders, placed: Bench) -> tuple[NDArray[np.float64], None]:
+    def of(self, orders: Orders, placed: Bench) -> NDArray[np.float64]:
         """Periods and standard errors, shape (3, 2, M, N): of all views and of either half."""
         found = np.full((3, 2, *self.tiles.shape), np.nan)
         photographs, tiles = len(self.photos.radiance), len(self.tiles.homographies)
@@ -206,18 +200,32 @@ class _Scan:
                 u,
                 v,
                 views.spread**2,
-                views.half.gain,
+                views.half.gain * orders.shares(views.half.w),
                 halves,
                 self.periods,
                 orders.wavelength_um,
                 orders.band_um,
-                orders.mirror,
-                orders.second,
                 found[:, :, rows],
             )
 
         over_blocks(self.photos, self.tiles, wide, read)
-        return found, None
+        return found
+
+    def common(self, period_um: Array, orders: Orders) -> tuple[Common, Common]:
+        """What all lobes share: with one period, and with those that were found.
+
+        Raises
+        ------
+        InputError
+            No period was found.
+        """
+        known = period_um[np.isfinite(period_um)]
+        if not known.size:
+            raise InputError(
+                "no pixel is bright where an order would be", expected="photographs with a filter before the camera"
+            )
+        start = {"period_um": float(np.median(known)), "light_sigma_mm": self.placed.light_sigma_mm or 1.0}
+        return common_fit(self.sample(None), orders, **start), common_fit(self.sample(period_um), orders, **start)
 
     def sample(self, period_um: Array | None) -> Sample:
         """Some of the views near the tangent, chosen evenly."""
@@ -231,7 +239,7 @@ class _Scan:
             near = np.isfinite(views.brightness) & np.isfinite(u) & np.isfinite(known) & (v**2 < (_ACROSS * views.spread) ** 2)
             light = views.half.light_mm
             rest = views.spread**2 - (self.placed.light_sigma_mm / light) ** 2
-            columns = (views.brightness, u, v, views.half.gain, light, rest, known)
+            columns = (views.brightness, u, v, views.half.w, views.half.gain, light, rest, known)
             parts.append(np.stack([column[near][::every] for column in columns]).astype(np.float64))
 
         over_blocks(self.photos, self.tiles, self.placed, read)
@@ -321,26 +329,34 @@ class _Verdict:
     words: str
 
 
-def _verdict(found: Array, tolerance_percent: float) -> _Verdict:
-    """Whether the periods of pixels differ by more than their measurements do."""
-    first, second = found[1, 0], found[2, 0]
-    twice = np.isfinite(first) & np.isfinite(second)
-    if np.count_nonzero(twice) < _FEWEST:
-        return _Verdict(False, float("nan"), "Too few pixels are seen twice to test whether the period varies: a map.")
-    rows, columns = np.indices(first.shape)
-    blocks = (rows * _BLOCKS // first.shape[0]) * _BLOCKS + columns * _BLOCKS // first.shape[1]
-    scatter, errors = common_variation(first[twice], second[twice], blocks[twice])
-    percent = 100 * scatter
-    constant = percent < tolerance_percent or errors < _SIGNIFICANT
-    reason = f"Periods vary by {percent:.2g} percent ({errors:.1f} standard errors above none)"
-    return _Verdict(constant, percent, f"{reason}: {'one number will do' if constant else 'a map'}.")
+def _verdict(found: Array, residual: float, tolerance_percent: float) -> _Verdict:
+    """Whether the periods of pixels differ by more than their measurements do, and whether one explains all views."""
+    (first, second), (error, other) = found[1:, 0], found[1:, 1]
+    twice = (error < _SURE * first) & (other < _SURE * second)
+    percent, errors = float("nan"), 0.0
+    if np.count_nonzero(twice) >= _FEWEST:
+        scatter, errors = common_variation(first[twice], second[twice], _blocks(first.shape)[twice])
+        percent = 100 * scatter
+    varies = percent >= tolerance_percent and errors >= _SIGNIFICANT
+    constant = not varies and residual < _EXPLAINED
+    words = (
+        f"Periods vary by {percent:.2g} percent ({errors:.1f} standard errors above none), and one period leaves "
+        f"{100 * residual:.2g} percent of the brightness unexplained: {'one number will do' if constant else 'a map'}."
+    )
+    return _Verdict(constant, percent, words)
+
+
+def _blocks(shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Which of the blocks of a jackknife each pixel belongs to."""
+    rows, columns = np.indices(shape)
+    return (rows * _BLOCKS // shape[0]) * _BLOCKS + columns * _BLOCKS // shape[1]
 
 
 def _error_of_common(period: Array) -> float:
     """Standard error of one period for all pixels, from the scatter of the medians of blocks."""
-    rows, columns = np.indices(period.shape)
-    blocks = (rows * _BLOCKS // period.shape[0]) * _BLOCKS + columns * _BLOCKS // period.shape[1]
-    medians = [np.nanmedian(period[blocks == one]) for one in range(_BLOCKS**2) if np.isfinite(period[blocks == one]).any()]
+    blocks = _blocks(period.shape)
+    known = [period[(blocks == one) & np.isfinite(period)] for one in range(_BLOCKS**2)]
+    medians = [np.median(values) for values in known if values.size]
     return float(np.std(medians) / np.sqrt(len(medians)))
 
 
