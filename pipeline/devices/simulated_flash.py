@@ -235,8 +235,8 @@ class FlashBench:
         tiles: list[int] = [10, 7],  # noqa: B006
         paper: float = 0.003,
         board: list[int] | None = None,
-        square_mm: float = 16.0,
-        marker_mm: float = 12.0,
+        square_mm: float = 12.0,
+        marker_mm: float = 9.0,
         knows_corners: bool = False,
         camera_error_mm: list[float] = [0.0, 0.0, 0.0],  # noqa: B006
         light_error_mm: list[float] = [0.0, 0.0, 0.0],  # noqa: B006

@@ -51,7 +51,11 @@ class Board:
             Fewer than 8 corners of the board are seen.
         """
         board = self._board()
-        corners, names, *_ = cv2.aruco.CharucoDetector(board).detectBoard(photo)
+        detector = cv2.aruco.CharucoDetector(board)
+        every = detector.getCharucoParameters()
+        every.minMarkers = 1  # the sheet covers many
+        detector.setCharucoParameters(every)
+        corners, names, *_ = detector.detectBoard(photo)
         if names is None or len(names) < LEAST_CORNERS:
             found = 0 if names is None else len(names)
             raise ValueError(f"{found} corners of the ChArUco board are seen, of at least {LEAST_CORNERS}")
