@@ -66,9 +66,10 @@ class FlashPhotographs:
     Attributes
     ----------
     radiance : ndarray of shape (L, M, N, 3), float32
-        Linear red, green and blue, relative; the same scale for every place of the flash.
+        Linear red, green and blue; the same scale for every place of the flash: 1 fills the sensor in the shortest
+        exposure.
     valid : ndarray of shape (L, M, N), bool
-        Pixels of the sheet that some exposure shows neither black nor saturated.
+        Pixels of the sheet that are not saturated even in the shortest exposure; dark ones are valid.
     light_mm : ndarray of shape (L, 3), float64
         Places of the flash; NaN where not known.
     camera_mm : ndarray of shape (3,), float64
@@ -86,6 +87,8 @@ class FlashPhotographs:
     corners_px : ndarray of shape (4, 2), float64, or None
         Where (column, row) the sheet's corners are seen: top left, top right, bottom right, bottom left; pixels'
         centres are whole numbers. None where not known.
+    response : ndarray of shape (256, 3), float64, or None
+        Exposure (light times seconds, relative) that makes each level of a channel; None of linear photographs.
     metrics : dict of str to float
         Figures for the table: each name ends in its unit, where it has one.
     """
@@ -101,6 +104,7 @@ class FlashPhotographs:
     room: FloatArray | None = None
     sheet_mm: tuple[float, float] | None = None
     corners_px: FloatArray | None = None
+    response: FloatArray | None = None
     metrics: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -117,8 +121,11 @@ class Tiles:
         Rows and columns of the master tile, whose pitch is that of the sheet.
     reference : int
         Which of the tiles is the master: its homography is a translation by whole pixels.
+    moved_px : ndarray of shape (T,), float64
+        How far the corners of each tile moved at most when it was aligned to the reference; 0 where none was.
     residual_px : ndarray of shape (T,), float64
-        How far the corners of each tile moved when it was aligned to the reference; 0 where none was.
+        By how much each tile still lies beside the reference, from the edges that both show; NaN where that cannot be
+        told.
     correlation : ndarray of shape (T,), float64
         Normalised correlation of each tile with the reference under room light; NaN without such a photograph.
     pixel_mm : float
@@ -130,6 +137,7 @@ class Tiles:
     homographies: FloatArray
     shape: tuple[int, int]
     reference: int
+    moved_px: FloatArray
     residual_px: FloatArray
     correlation: FloatArray
     pixel_mm: float
