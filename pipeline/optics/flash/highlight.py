@@ -40,7 +40,10 @@ def bright_spot(brightness: NDArray[np.floating], pattern_px: float) -> tuple[fl
         square = (columns - column) ** 2 + (rows - row) ** 2
         weight = smooth * np.exp(-square / (2 * sigma**2)) * (square < (_WINDOW * 2 * sigma) ** 2)
         total = float(weight.sum(dtype=np.float64)) or 1.0
-        moved = float((weight * columns).sum(dtype=np.float64)) / total, float((weight * rows).sum(dtype=np.float64)) / total
+        moved = (
+            float((weight * columns).sum(dtype=np.float64)) / total,
+            float((weight * rows).sum(dtype=np.float64)) / total,
+        )
         # A Gaussian times the window: 1 / variance is the sum of both, each sigma^2 at the fixed point.
         product = float((weight * square).sum(dtype=np.float64)) / total / 2
         own = 1 / max(1 / max(product, 1e-6) - 1 / sigma**2, 1e-6)

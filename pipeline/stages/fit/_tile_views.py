@@ -129,9 +129,7 @@ def bench(
     return replace(partial, keep_off_mm=np.array(radii))
 
 
-def over_blocks(
-    photos: FlashPhotographs, tiles: Tiles, placed: Bench, read: Callable[[Views, slice], None]
-) -> None:
+def over_blocks(photos: FlashPhotographs, tiles: Tiles, placed: Bench, read: Callable[[Views, slice], None]) -> None:
     """Call ``read(views, rows)`` for a few rows of the tile after another, on as many cores as are free."""
     pixel = tiles.pixel_mm
     shown = np.where(photos.valid, photos.radiance.mean(axis=-1, dtype=np.float32), np.float32(np.nan))

@@ -145,7 +145,12 @@ def flash_orientation(
         proposal = _next_light(photos, tiles, placed, mask, found)
         if proposal is not None:
             (x, y, z), share = proposal
-            metrics |= {"next_light_x_mm": x, "next_light_y_mm": y, "next_light_z_mm": z, "next_light_shows_percent": share}
+            metrics |= {
+                "next_light_x_mm": x,
+                "next_light_y_mm": y,
+                "next_light_z_mm": z,
+                "next_light_shows_percent": share,
+            }
             _log.warning(
                 "%.1f percent of the tile were never lit. A flash at (%.0f, %.0f, %.0f) mm would show %.0f percent of "
                 "the directions that they may have.",
@@ -191,9 +196,7 @@ def _fit_lobes(photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDA
         over_blocks(photos, tiles, placed, improve)
 
 
-def _profile(
-    photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArray[np.float32]
-) -> NDArray[np.float64]:
+def _profile(photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArray[np.float32]) -> NDArray[np.float64]:
     """Brightness of lobes along their tangent, in bins of the half vector's length."""
     parts: list[NDArray[np.float64]] = []
 

@@ -165,7 +165,11 @@ def flash_period(
         common = one
         metrics["period_um"] = one.period_um or np.nan
         period, error = (np.full_like(period, value) for value in (one.period_um, _error_of_common(period)))
-    metrics |= {"light_sigma_mm": common.light_sigma_mm, "depth_um": common.orders.depth_um or 0.0, "lobe_residual_percent": 100 * common.residual}
+    metrics |= {
+        "light_sigma_mm": common.light_sigma_mm,
+        "depth_um": common.orders.depth_um or 0.0,
+        "lobe_residual_percent": 100 * common.residual,
+    }
     return PeriodMap(
         period_um=np.where(mask, period, np.float32(np.nan)),
         mask=mask,
@@ -236,7 +240,12 @@ class _Scan:
         def read(views: Views, rows: slice) -> None:
             u, v = _along(views, self.orientation.orientation_rad[rows])
             known = np.zeros_like(u) if period_um is None else np.broadcast_to(period_um[rows], u.shape)
-            near = np.isfinite(views.brightness) & np.isfinite(u) & np.isfinite(known) & (v**2 < (_ACROSS * views.spread) ** 2)
+            near = (
+                np.isfinite(views.brightness)
+                & np.isfinite(u)
+                & np.isfinite(known)
+                & (v**2 < (_ACROSS * views.spread) ** 2)
+            )
             light = views.half.light_mm
             rest = views.spread**2 - (self.placed.light_sigma_mm / light) ** 2
             columns = (views.brightness, u, v, views.half.w, views.half.gain, light, rest, known)

@@ -124,18 +124,14 @@ def _extent(
         spread = float(wide * (1 / half.light_mm + 1 / half.eye_mm))
         if np.isfinite(spread):
             found.append(
-                light_sigma(
-                    spread, light_mm=float(half.light_mm), coherence_um=coherence_um, wavelength_um=wavelength
-                )
+                light_sigma(spread, light_mm=float(half.light_mm), coherence_um=coherence_um, wavelength_um=wavelength)
             )
     return float(np.median(found)) if found else None
 
 
 def _unread(valid: NDArray[np.bool_], column: float, row: float, radius: float) -> bool:
     """Whether most pixels in the middle of a highlight had no right exposure."""
-    rows, columns = (
-        slice(max(int(middle - radius), 0), int(middle + radius) + 2) for middle in (row, column)
-    )
+    rows, columns = (slice(max(int(middle - radius), 0), int(middle + radius) + 2) for middle in (row, column))
     return float(valid[rows, columns].mean()) < 0.5
 
 

@@ -153,7 +153,9 @@ def orientation_period_distribution(
         width, _ = bins.means(half.azimuth_rad, period, np.where(usable, variance, np.nan))
         found, second = sharpened(plane, seen, width, wavelength / 1000, bins, _STEPS)
     if not found.any():
-        raise InputError("nothing outside the highlight is bright", expected="a photograph that shows orders of diffraction")
+        raise InputError(
+            "nothing outside the highlight is bright", expected="a photograph that shows orders of diffraction"
+        )
     entropy = -float(np.sum(found[found > 0] * np.log(found[found > 0])))
     return GratingDistribution(
         share=found,
