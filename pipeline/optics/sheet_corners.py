@@ -40,8 +40,8 @@ def outlined_corners(grey: Float32Array) -> tuple[Float64Array, float]:
     Returns
     -------
     corners_px : ndarray of shape (4, 2)
-            Column and row, as :func:`ordered`: where straight lines through the outermost steep steps of each side meet.
-        side meet.
+        Column and row, as :func:`ordered`: where straight lines through the outermost steep steps of each side
+        meet.
     residual_px : float
         Root mean square distance of the steps from the lines.
 
