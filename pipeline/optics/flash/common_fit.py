@@ -1,5 +1,6 @@
-"""What all lobes of a sheet have in common, by least squares over many views: the light's extent, the gratings' depth,
-and the period where it is the same everywhere.
+"""What all lobes of a sheet have in common: the light's extent, the gratings' depth, and one period for all.
+
+Found by least squares over many views.
 """
 
 from __future__ import annotations
@@ -80,36 +81,40 @@ def common_fit(sample: Sample, orders: Orders, *, period_um: float, light_sigma_
     and less (soft L1).
     """
     peak = float(np.percentile(sample.brightness, 99))
-    weight = 1 / (sample.brightness + peak)
+    level = sample.brightness + peak
     depth = orders.depth_um or 0.1
     start = np.array([np.log(light_sigma_mm), np.log(depth), np.log(period_um)])
     free = 2 if sample.period_um is not None else 3
     low = np.array([start[0] - np.log(_LARGEST), np.log(DEPTHS_UM[0]), start[2] - 0.7])
     high = np.array([start[0] + np.log(_LARGEST), np.log(DEPTHS_UM[1]), start[2] + 0.7])
 
-    def model(values: Float64Array) -> Float64Array:
+    def model(values: Float64Array, level: Float64Array) -> Float64Array:
         variance = (np.exp(values[0]) / sample.light_mm) ** 2 + sample.rest
         deep = replace(orders, depth_um=float(np.exp(values[1])))
         period = float(np.exp(values[2])) if sample.period_um is None else sample.period_um
         shape = sample.gain * order_sum(sample.u, sample.v, variance, deep.shares(sample.w), period, deep)
-        return _scaled(shape, sample.brightness, weight)
+        return _scaled(shape, sample.brightness, 1 / level)
+
+    def residuals(values: Float64Array, level: Float64Array) -> Float64Array:
+        return (model(values, level) - sample.brightness) / level
 
     for _ in range(_ROUNDS):
         fitted = least_squares(
-            lambda values: weight * (model(values) - sample.brightness),
+            residuals,
             start[:free],
+            args=(level,),
             bounds=(low[:free], high[:free]),
             loss="soft_l1",
             f_scale=_OUTLIER,
             max_nfev=40,
         )
         start[:free] = fitted.x
-        weight = 1 / (model(fitted.x) + _FAINT * peak)
+        level = model(fitted.x, level) + _FAINT * peak
     return Common(
         period_um=float(np.exp(start[2])) if free == 3 else None,
         light_sigma_mm=float(np.exp(start[0])),
         orders=replace(orders, depth_um=float(np.exp(start[1]))),
-        residual=float(np.sqrt(np.mean((weight * (model(start[:free]) - sample.brightness)) ** 2))),
+        residual=float(np.sqrt(np.mean(residuals(start[:free], level) ** 2))),
     )
 
 

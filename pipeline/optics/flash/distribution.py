@@ -47,7 +47,7 @@ class Bins:
     def period_um(self) -> Float64Array:
         """Middles."""
         step = (self.longest_um - self.shortest_um) / self.periods
-        return self.shortest_um + (np.arange(self.periods) + 0.5) * step
+        return np.asarray(self.shortest_um + (np.arange(self.periods) + 0.5) * step, np.float64)
 
     def means(
         self, orientation_rad: Float64Array, period_um: Float64Array, values: Float64Array
@@ -63,7 +63,8 @@ class Bins:
         count = np.bincount(index, minlength=size)
         total = np.bincount(index, values[inside], minlength=size)
         shape = (self.orientations, self.periods)
-        return (total / np.maximum(count, 1)).reshape(shape), count.reshape(shape)
+        mean = np.asarray(total, np.float64) / np.maximum(count, 1)
+        return mean.reshape(shape), count.reshape(shape)
 
 
 def sharpened(

@@ -16,9 +16,10 @@ _WINDOW = 2.5
 def blurred(brightness: NDArray[np.floating], valid: NDArray[np.bool_], sigma_px: float) -> NDArray[np.float32]:
     """Mean around each pixel of those that are valid; 0 where none is near."""
     weight = valid.astype(np.float32)
-    kernel = {"ksize": (0, 0), "sigmaX": sigma_px, "borderType": cv2.BORDER_CONSTANT}
-    total = cv2.GaussianBlur(np.where(valid, brightness, 0).astype(np.float32), **kernel)
-    share = cv2.GaussianBlur(weight, **kernel)
+    known = np.where(valid, brightness, 0).astype(np.float32)
+    total, share = (
+        cv2.GaussianBlur(part, (0, 0), sigma_px, borderType=cv2.BORDER_CONSTANT) for part in (known, weight)
+    )
     return np.where(share > 0.02, total / np.maximum(share, 1e-6), 0).astype(np.float32)
 
 

@@ -28,8 +28,8 @@ def distribution(estimate: GratingDistribution, truth: GratingSample) -> Metrics
     -------
     Metrics
         ``distribution_distance_percent``: half the sum of the bins' absolute differences, 0 to 100.
-        ``period_by_orientation_error_median_percent``: of the mean period of each orientation. ``bins_filled_ratio``: the
-        exponential of the entropy, relative to the truth's; above 1, gratings are stated that are not there.
+        ``period_by_orientation_error_median_percent``: of the mean period of each orientation. ``bins_filled_ratio``:
+        the exponential of the entropy, relative to the truth's; above 1, gratings are stated that are not there.
 
     Raises
     ------

@@ -134,7 +134,6 @@ def over_blocks(photos: FlashPhotographs, tiles: Tiles, placed: Bench, read: Cal
     pixel = tiles.pixel_mm
     shown = np.where(photos.valid, photos.radiance.mean(axis=-1, dtype=np.float32), np.float32(np.nan))
     rows, columns = shown.shape[1:]
-    blurred_edges = {"interpolation": cv2.INTER_LINEAR, "borderMode": cv2.BORDER_CONSTANT, "borderValue": np.nan}
 
     def gather(first: int, last: int) -> None:
         r, c = np.mgrid[first:last, : tiles.shape[1]].astype(np.float64)
@@ -147,7 +146,12 @@ def over_blocks(photos: FlashPhotographs, tiles: Tiles, placed: Bench, read: Cal
         for index, photograph in enumerate(shown):
             for tile in range(len(column)):
                 brightness[index, tile] = cv2.remap(
-                    photograph, column[tile].astype(np.float32), row[tile].astype(np.float32), **blurred_edges
+                    photograph,
+                    column[tile].astype(np.float32),
+                    row[tile].astype(np.float32),
+                    cv2.INTER_LINEAR,
+                    borderMode=cv2.BORDER_CONSTANT,
+                    borderValue=np.nan,
                 )
             away = np.hypot(x - placed.highlight_mm[index, 0], y - placed.highlight_mm[index, 1])
             brightness[index][away < placed.keep_off_mm[index]] = np.nan
@@ -177,6 +181,8 @@ def spread_at_highlight(placed: Bench, pixel_mm: float) -> float:
 
 def _highlight(placed: Bench, index: int, pixel_mm: float) -> tuple[float, float]:
     """Standard deviation of a highlight in half vectors, and in mm on the sheet."""
-    half = half_vectors(*placed.highlight_mm[index], placed.light_mm[index], placed.eye_mm)
+    half = half_vectors(
+        placed.highlight_mm[index, 0], placed.highlight_mm[index, 1], placed.light_mm[index], placed.eye_mm
+    )
     spread = float(np.sqrt(_variance(half, placed, pixel_mm)))
     return spread, spread / float(1 / half.light_mm + 1 / half.eye_mm)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -48,6 +49,7 @@ def flash_orientation(
     highlights: Highlights,
     *,
     method: Literal["lobe", "threshold"] = "lobe",
+    photographs: int | None = None,
     steps: int = 24,
     floor: float | None = None,
     keep_off: float = 4.0,
@@ -61,9 +63,9 @@ def flash_orientation(
     A pixel outside the highlight that is bright has its tangent along the half vector there, which points at the
     highlight; brightness says how surely. So a threshold is lowered step by step, and a pixel takes the axial mean of
     the directions of those of its repeats that pass first, weighted by brightness. Where they disagree by more than
-    orders are wide, the brighter side is taken. ``lobe`` goes on from there: the brightness along the tangent is learned
-    from all pixels, and each pixel's tangent is that whose lobe fits its bright and its dark views best. Pixels that
-    no photograph lit stay unknown, NaN; the log says where the next flash would show most of them.
+    orders are wide, the brighter side is taken. ``lobe`` goes on from there: the brightness along the tangent is
+    learned from all pixels, and each pixel's tangent is that whose lobe fits its bright and its dark views best.
+    Pixels that no photograph lit stay unknown, NaN; the log says where the next flash would show most of them.
 
     Parameters
     ----------
@@ -75,6 +77,8 @@ def flash_orientation(
         Of these photographs.
     method : {"lobe", "threshold"}
         The paper's threshold, or the fit of lobes that starts from it.
+    photographs : int, optional
+        How many of the photographs are read, the first ones; by default all.
     steps : int
         In which the threshold is lowered through two decades.
     floor : float, optional
@@ -92,8 +96,8 @@ def flash_orientation(
     Returns
     -------
     OrientationMap
-        Of the tile, absolute. ``intensity`` is the brightest view relative to the brightest pixels, ``correlation`` that
-        of the lobe with the views, or the share of the views' brightness that agrees.
+        Of the tile, absolute. ``intensity`` is the brightest view relative to the brightest pixels, ``correlation``
+        that of the lobe with the views, or the share of the views' brightness that agrees.
 
     Raises
     ------
@@ -106,6 +110,7 @@ def flash_orientation(
     section 4.3.
     """
     _check_flash_orientation(
+        photographs=photographs,
         steps=steps,
         floor=floor,
         keep_off=keep_off,
@@ -114,6 +119,18 @@ def flash_orientation(
         light_sigma_mm=light_sigma_mm,
         coherence_um=coherence_um,
     )
+    if photographs is not None:
+        photos = replace(
+            photos,
+            radiance=photos.radiance[:photographs],
+            valid=photos.valid[:photographs],
+            light_mm=photos.light_mm[:photographs],
+        )
+        highlights = replace(
+            highlights,
+            place_mm=highlights.place_mm[:photographs],
+            stated_mm=highlights.stated_mm[:photographs],
+        )
     placed = bench(
         photos,
         highlights,
@@ -222,7 +239,7 @@ def _figures(mask: NDArray[np.bool_], found: NDArray[np.float32]) -> dict[str, f
 def _next_light(
     photos: FlashPhotographs, tiles: Tiles, placed: Bench, mask: NDArray[np.bool_], found: NDArray[np.float32]
 ) -> tuple[tuple[float, float, float], float] | None:
-    """Place of a light that shows most of the directions which the unknown pixels may have, and their share in percent."""
+    """Where a light shows most of the directions that the unknown pixels may have, and how many percent of them."""
     row, column = np.nonzero(~mask)
     few = np.linspace(0, len(row) - 1, min(len(row), _TRIED)).astype(int)
     place = np.stack([column[few], row[few], np.ones(len(few))])
@@ -258,6 +275,7 @@ def _next_light(
 
 def _check_flash_orientation(
     *,
+    photographs: int | None,
     steps: int,
     floor: float | None,
     keep_off: float,
@@ -269,7 +287,7 @@ def _check_flash_orientation(
 ) -> None:
     """Refuse impossible settings before anything runs."""
     refuse(
-        at_least(1, "to lower a threshold", steps=steps),
+        at_least(1, "or nothing is read", photographs=photographs, steps=steps),
         within(0, 1, floor=floor),
         zero_or_more(keep_off=keep_off),
         above_zero(

@@ -253,8 +253,8 @@ class _Scan:
 
         over_blocks(self.photos, self.tiles, self.placed, read)
         parts.sort(key=lambda part: float(part[:2].sum()))
-        *columns, known = np.concatenate(parts, axis=1)
-        return Sample(*columns, period_um=None if period_um is None else known)
+        brightness, u, v, w, gain, light_mm, rest, known = np.concatenate(parts, axis=1)
+        return Sample(brightness, u, v, w, gain, light_mm, rest, None if period_um is None else known)
 
 
 def _along(views: Views, orientation_rad: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

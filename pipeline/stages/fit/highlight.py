@@ -83,11 +83,11 @@ def highlight(
         sigma[index] = spread * pixel
     stated = mirror_point(photos.light_mm, photos.camera_mm)
     away = np.linalg.norm(place - stated, axis=1)
-    for index in np.flatnonzero(away > tolerance_mm):
+    for off in np.flatnonzero(away > tolerance_mm):
         _log.warning(
             "the highlight of photograph %d lies %.1f mm from where the stated places of flash and camera put it: at "
             "(%.1f, %.1f), not (%.1f, %.1f) mm",
-            *(index, away[index], *place[index], *stated[index]),
+            *(off, away[off], *place[off], *stated[off]),
         )
     extent = _extent(photos, place, sigma, saturated, coherence_um)
     metrics = {"highlights_found": float(np.isfinite(sigma).sum()), "highlights_saturated": float(saturated.sum())}
@@ -120,7 +120,7 @@ def _extent(
     wavelength = (photos.wavelength_nm or 1000 * _WHITE_UM) / 1000
     found = []
     for light, middle, wide in zip(photos.light_mm[~saturated], place[~saturated], sigma[~saturated], strict=True):
-        half = half_vectors(*middle, light, photos.camera_mm)
+        half = half_vectors(middle[0], middle[1], light, np.asarray(photos.camera_mm, np.float64))
         spread = float(wide * (1 / half.light_mm + 1 / half.eye_mm))
         if np.isfinite(spread):
             found.append(
