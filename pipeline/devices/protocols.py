@@ -89,6 +89,33 @@ class PolarizationRig(Protocol):
 
 
 @runtime_checkable
+class BracketingCamera(Protocol):
+    """A camera that exposes as long as it is told."""
+
+    @property
+    def exposure_s(self) -> Sequence[float]:
+        """Times of exposure of a bracket, shortest first."""
+
+    def expose_for(self, exposure_s: float | None) -> Photo:
+        """Take one photograph in colour, its values as the camera stores them, full scale 1.
+
+        Without a time of exposure the camera takes one that suits the room's light.
+        """
+
+
+@runtime_checkable
+class MovedFlash(Protocol):
+    """A flash that is put in one place after another."""
+
+    @property
+    def light_mm(self) -> FloatArray:
+        """Its places, shape (L, 3); NaN where not known."""
+
+    def put(self, index: int | None) -> None:
+        """Put it in one of its places, or switch it off and the room's lamps on."""
+
+
+@runtime_checkable
 class FlashRig(Protocol):
     """A camera above a sheet, and a flash that is put in one place after another. A context manager, as others.
 
@@ -96,8 +123,12 @@ class FlashRig(Protocol):
     """
 
     @property
-    def exposure_s(self) -> Sequence[float]:
-        """Times of exposure of a bracket, shortest first."""
+    def camera(self) -> BracketingCamera:
+        """The camera."""
+
+    @property
+    def light(self) -> MovedFlash:
+        """The flash."""
 
     @property
     def bits(self) -> int:
@@ -110,10 +141,6 @@ class FlashRig(Protocol):
     @property
     def has_room(self) -> bool:
         """Whether there is a photograph under room light."""
-
-    @property
-    def light_mm(self) -> FloatArray:
-        """Places of the flash, shape (L, 3); NaN where not known."""
 
     @property
     def camera_mm(self) -> FloatArray:
@@ -149,15 +176,6 @@ class FlashRig(Protocol):
         ------
         InputError
             What is wrong, in which file, and what was expected.
-        """
-
-    def put_light(self, index: int | None) -> None:
-        """Put the flash in one of its places, or switch it off and the room's lamps on."""
-
-    def expose(self, exposure_s: float | None) -> Photo:
-        """Take one photograph in colour, its values as the camera stores them, full scale 1.
-
-        Without a time of exposure the camera takes one that suits the room's light.
         """
 
     def __enter__(self) -> Self: ...

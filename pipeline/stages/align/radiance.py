@@ -86,7 +86,7 @@ def radiance(
     )
 
 
-def _check_radiance(*, smoothness: float) -> None:
+def _check_radiance(*, smoothness: float, **_: object) -> None:
     """Refuse an impossible weight before anything runs."""
     refuse(above_zero(smoothness=smoothness))
 

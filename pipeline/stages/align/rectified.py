@@ -87,7 +87,7 @@ def rectified(
         raise InputError("the size of the sheet is not known", where="sheet_mm", expected="[width, height] in mm")
     told = photos.corners_px if corners_px is None else corners_px
     given = None if told is None else ordered(np.asarray(told, np.float64))
-    metrics = dict(photos.metrics)
+    metrics: dict[str, float] = {}
     if corners == "charuco":
         seen = _by_board(photos, Board(board[0], board[1], square_mm, marker_mm), size)
     elif corners == "contour" or (corners == "auto" and given is None):

@@ -49,8 +49,8 @@ def flash_photographs(sample: GratingSample | None = None, *, rig: FlashRig) -> 
     Toisoul, Dhillon and Ghosh 2018, section 4.1.
     """
     rig.place(sample)
-    places = len(rig.light_mm)
-    exposures = sorted(rig.exposure_s)
+    places = len(rig.light.light_mm)
+    exposures = sorted(rig.camera.exposure_s)
     plan: list[tuple[int | None, float | None]] = [(place, time) for place in range(places) for time in exposures]
     plan += [(None, None)] if rig.has_room else []
     stored, metadata = [], {}
@@ -70,7 +70,7 @@ def flash_photographs(sample: GratingSample | None = None, *, rig: FlashRig) -> 
         exposure_s=np.asarray(exposures, np.float64),
         linear=rig.linear,
         room=room,
-        light_mm=np.asarray(rig.light_mm, np.float64),
+        light_mm=np.asarray(rig.light.light_mm, np.float64),
         camera_mm=np.asarray(rig.camera_mm, np.float64),
         sheet_mm=rig.sheet_mm,
         corners_px=None if rig.corners_px is None else np.asarray(rig.corners_px, np.float64),
@@ -86,8 +86,8 @@ def _check_flash_photographs(*, rig: FlashRig) -> None:
 
 
 def _take(rig: FlashRig, place: int | None, exposure_s: float | None) -> Photo:
-    rig.put_light(place)
-    return rig.expose(exposure_s)
+    rig.light.put(place)
+    return rig.camera.expose_for(exposure_s)
 
 
 def _levels(photo: Photo, bits: int) -> NDArray[np.unsignedinteger]:
