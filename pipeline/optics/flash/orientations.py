@@ -117,13 +117,36 @@ def add_profile(
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
+def _lobe(
+    i: int,
+    row: int,
+    column: int,
+    tangent: float,
+    azimuth: Any,
+    width: Any,
+    length: Any,
+    gain: Any,
+    profile: Any,
+    step: float,
+) -> tuple[float, float]:
+    """Brightness of a lobe in one view, and its change with the tangent."""
+    place = length[i, row, column] / step - 0.5
+    cell = int(place)
+    along = profile[cell] + (place - cell) * (profile[cell + 1] - profile[cell])
+    turn, wide = azimuth[i, row, column] - tangent, width[i, row, column]
+    sine = np.sin(turn) / wide
+    lobe = gain[i, row, column] * along * np.exp(-0.5 * sine * sine)
+    return lobe, lobe * sine * np.cos(turn) / wide
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
 def by_lobe(
     brightness: Any, azimuth: Any, width: Any, length: Any, gain: Any, profile: Any, step: float, found: Any
 ) -> None:
     """Improve ``found`` by the tangent whose lobe, Gaussian across and ``profile`` along it, fits all views best.
 
     Views that stay dark count as much as bright ones. The height of the lobe is free; the standard error is that of
-    least squares, from the residuals and the curvature at the best fit, and ``AGREEMENT`` the normalised correlation.
+    least squares with errors of any size (the sandwich estimator), and ``AGREEMENT`` the normalised correlation.
     """
     views, rows, columns = brightness.shape
     use = np.empty(views, np.int64)
@@ -157,11 +180,7 @@ def by_lobe(
                 cross = norm = 0.0
                 for n in range(count):
                     i = use[n]
-                    place = length[i, row, column] / step - 0.5
-                    cell = int(place)
-                    along = profile[cell] + (place - cell) * (profile[cell + 1] - profile[cell])
-                    turn = np.sin(azimuth[i, row, column] - tangent) / width[i, row, column]
-                    lobe = gain[i, row, column] * along * np.exp(-0.5 * turn * turn)
+                    lobe, _ = _lobe(i, row, column, tangent, azimuth, width, length, gain, profile, step)
                     cross += brightness[i, row, column] * lobe
                     norm += lobe * lobe
                 scores[k] = cross * cross / max(norm * square, 1e-30)
@@ -174,9 +193,24 @@ def by_lobe(
             bend = 2 * middle - left - right
             if bend <= 0:
                 continue
-            shift = 0.5 * (right - left) / bend
-            found[TANGENT, row, column] = (start + (best - _STEPS // 2 + shift) * spacing) % np.pi
-            # Sum of squares is square (1 - score); its half curvature over the variance of a view is the information.
-            noise = max((1 - middle) / max(count - 2, 1), _MODEL_ERROR**2 / count)
-            error = np.sqrt(2 * noise / bend) * spacing
-            found[ERROR, row, column] = min(error, 2 * wide)
+            tangent = start + (best - _STEPS // 2 + 0.5 * (right - left) / bend) * spacing
+            found[TANGENT, row, column] = tangent % np.pi
+            # First the height and the slope's part along the lobe, then the sandwich estimator with what is left.
+            cross = norm = mixed = 0.0
+            for n in range(count):
+                i = use[n]
+                lobe, slope = _lobe(i, row, column, tangent, azimuth, width, length, gain, profile, step)
+                cross += brightness[i, row, column] * lobe
+                norm += lobe * lobe
+                mixed += lobe * slope
+            height = cross / norm
+            bread = meat = 0.0
+            for n in range(count):
+                i = use[n]
+                lobe, slope = _lobe(i, row, column, tangent, azimuth, width, length, gain, profile, step)
+                slope = height * (slope - lobe * mixed / norm)
+                left_over = brightness[i, row, column] - height * lobe
+                bread += slope * slope
+                meat += slope * slope * (left_over * left_over + (_MODEL_ERROR * height * lobe) ** 2)
+            if bread > 0:
+                found[ERROR, row, column] = min(np.sqrt(meat * count / max(count - 2, 1)) / bread, 2 * wide)

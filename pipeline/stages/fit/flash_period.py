@@ -27,7 +27,10 @@ _STEP = 0.015
 """Of the periods tried, relative."""
 _SAMPLE = 20_000
 """Views from which common figures are fitted."""
-_ACROSS = 3.0
+_ACROSS = 2.0
+_SMOOTH_RAD = float(np.deg2rad(6))
+"""Turn from a pixel to its neighbours above which it may hold two gratings, and tells nothing of what all share."""
+_FEW_SMOOTH = 0.1
 _BLOCKS = 8
 """Along a side of the tile, for the jackknife."""
 _SIGNIFICANT = 3.0
@@ -153,18 +156,19 @@ def flash_period(
     one, each = scan.common(scan.of(orders, placed)[0, 0], orders)
     common = min(one, each, key=lambda fit: fit.residual)
     found = scan.of(common.orders, replace(placed, light_sigma_mm=common.light_sigma_mm))
-    verdict = _verdict(found, one.residual, tolerance_percent)
+    alone = _alone(orientation.orientation_rad)
+    verdict = _verdict(np.where(alone, found, np.nan), one.residual, tolerance_percent)
     _log.info("%s", verdict.words)
     constant = verdict.constant if kind == "auto" else kind == "constant"
     period, error = found[0].astype(np.float32)
     known = np.isfinite(period)
     metrics = {"period_variation_percent": verdict.percent, "period_constant": float(constant)}
-    metrics |= {"one_period_residual_percent": 100 * one.residual, **_scatter(period[known])}
+    metrics |= {"one_period_residual_percent": 100 * one.residual, **_scatter(period[known & alone])}
     mask = orientation.mask if constant else orientation.mask & known
     if constant:
         common = one
         metrics["period_um"] = one.period_um or np.nan
-        period, error = (np.full_like(period, value) for value in (one.period_um, _error_of_common(period)))
+        period, error = (np.full_like(period, value) for value in (one.period_um, _error_of_common(np.where(alone, period, np.nan))))
     metrics |= {
         "light_sigma_mm": common.light_sigma_mm,
         "depth_um": common.orders.depth_um or 0.0,
@@ -234,18 +238,15 @@ class _Scan:
     def sample(self, period_um: Array | None) -> Sample:
         """Some of the views near the tangent, chosen evenly."""
         parts: list[NDArray[np.float64]] = []
+        alone = _alone(self.orientation.orientation_rad)
         total = len(self.photos.radiance) * len(self.tiles.homographies) * int(np.prod(self.tiles.shape))
         every = max(1, int(total * 0.1) // _SAMPLE)
 
         def read(views: Views, rows: slice) -> None:
             u, v = _along(views, self.orientation.orientation_rad[rows])
             known = np.zeros_like(u) if period_um is None else np.broadcast_to(period_um[rows], u.shape)
-            near = (
-                np.isfinite(views.brightness)
-                & np.isfinite(u)
-                & np.isfinite(known)
-                & (v**2 < (_ACROSS * views.spread) ** 2)
-            )
+            near = (v**2 < (_ACROSS * views.spread) ** 2) & alone[rows]
+            near &= np.isfinite(views.brightness) & np.isfinite(known)
             light = views.half.light_mm
             rest = views.spread**2 - (self.placed.light_sigma_mm / light) ** 2
             columns = (views.brightness, u, v, views.half.w, views.half.gain, light, rest, known)
@@ -261,6 +262,16 @@ def _along(views: Views, orientation_rad: Array) -> tuple[NDArray[np.float64], N
     """Half vectors along the tangent and across it."""
     cosine, sine = np.cos(orientation_rad, dtype=np.float64), np.sin(orientation_rad, dtype=np.float64)
     return views.half.x * cosine + views.half.y * sine, views.half.y * cosine - views.half.x * sine
+
+
+def _alone(orientation_rad: Array) -> NDArray[np.bool_]:
+    """Pixels around which the tangent hardly turns; all that are known where these are few."""
+    known = np.isfinite(orientation_rad)
+    double = np.where(known, np.exp(2j * np.nan_to_num(orientation_rad)), 0)
+    turns = [abs(np.angle(np.roll(double, step, axis) * np.conj(double))) / 2 for axis in (0, 1) for step in (-1, 1)]
+    sure = known & np.all([np.roll(known, step, axis) for axis in (0, 1) for step in (-1, 1)], axis=0)
+    smooth = sure & (np.max(turns, axis=0) < _SMOOTH_RAD)
+    return smooth if smooth.sum() > _FEW_SMOOTH * known.sum() else known
 
 
 def _orders(photos: FlashPhotographs, wavelength_nm: float | None) -> Orders:
