@@ -20,6 +20,11 @@ Float64Array = NDArray[np.float64]
 
 BLOCK = 8
 """Rows of the tile that are gathered at once."""
+_NEAR, _LEAK, _BRIGHT = 3, 0.2, 0.02
+"""A pixel less than so bright as one within a square of so many pixels may show that one's light, spread by the lens.
+
+Neighbours below the last, relative to the brightest, spread none that counts.
+"""
 WHITE_UM = 0.55
 """Wavelength for which a lobe's width is worked out where no filter says another."""
 
@@ -132,8 +137,9 @@ def bench(
 def over_blocks(photos: FlashPhotographs, tiles: Tiles, placed: Bench, read: Callable[[Views, slice], None]) -> None:
     """Call ``read(views, rows)`` for a few rows of the tile after another, on as many cores as are free."""
     pixel = tiles.pixel_mm
-    shown = np.where(photos.valid, photos.radiance.mean(axis=-1, dtype=np.float32), np.float32(np.nan))
-    rows, columns = shown.shape[1:]
+    shown = [radiance.mean(axis=-1, dtype=np.float32) for radiance in photos.radiance]
+    read_off = [_readable(brightness, valid) for brightness, valid in zip(shown, photos.valid, strict=True)]
+    rows, columns = photos.valid.shape[1:]
 
     def gather(first: int, last: int) -> None:
         r, c = np.mgrid[first:last, : tiles.shape[1]].astype(np.float64)
@@ -145,14 +151,7 @@ def over_blocks(photos: FlashPhotographs, tiles: Tiles, placed: Bench, read: Cal
         brightness = np.empty((len(shown), *column.shape), np.float32)
         for index, photograph in enumerate(shown):
             for tile in range(len(column)):
-                brightness[index, tile] = cv2.remap(
-                    photograph,
-                    column[tile].astype(np.float32),
-                    row[tile].astype(np.float32),
-                    cv2.INTER_LINEAR,
-                    borderMode=cv2.BORDER_CONSTANT,
-                    borderValue=np.nan,
-                )
+                brightness[index, tile] = _sampled(photograph, read_off[index], column[tile], row[tile])
             away = np.hypot(x - placed.highlight_mm[index, 0], y - placed.highlight_mm[index, 1])
             brightness[index][away < placed.keep_off_mm[index]] = np.nan
             parts.append(half_vectors(x, y, placed.light_mm[index], placed.eye_mm))
@@ -162,6 +161,22 @@ def over_blocks(photos: FlashPhotographs, tiles: Tiles, placed: Bench, read: Cal
         read(Views(brightness.reshape(-1, *r.shape), half, np.sqrt(_variance(half, placed, pixel))), slice(first, last))
 
     over_rows(gather, tiles.shape[0], tile=BLOCK)
+
+
+def _sampled(
+    photograph: Float32Array, readable: NDArray[np.bool_], column: Float64Array, row: Float64Array
+) -> Float32Array:
+    """Brightness between pixels; NaN where the nearest one cannot be read, and beside the picture."""
+    at = column.astype(np.float32), row.astype(np.float32)
+    known = cv2.remap(readable.astype(np.uint8), *at, cv2.INTER_NEAREST, borderValue=0)
+    return np.where(known > 0, cv2.remap(photograph, *at, cv2.INTER_LINEAR), np.float32(np.nan))
+
+
+def _readable(brightness: Float32Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where an exposure was right, and what is seen is not likely to be a bright neighbour's light."""
+    around = cv2.dilate(np.where(valid, brightness, 0), np.ones((_NEAR, _NEAR), np.uint8))
+    lit = around > _BRIGHT * np.percentile(around, 99.5)
+    return np.asarray(valid & ~(lit & (brightness < _LEAK * around)))
 
 
 def _variance(half: HalfVectors, placed: Bench, pixel_mm: float) -> Float64Array:

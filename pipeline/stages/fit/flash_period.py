@@ -168,7 +168,8 @@ def flash_period(
     if constant:
         common = one
         metrics["period_um"] = one.period_um or np.nan
-        period, error = (np.full_like(period, value) for value in (one.period_um, _error_of_common(np.where(alone, period, np.nan))))
+        error = np.full_like(error, _error_of_common(np.where(alone, period, np.nan)))
+        period = np.full_like(period, metrics["period_um"])
     metrics |= {
         "light_sigma_mm": common.light_sigma_mm,
         "depth_um": common.orders.depth_um or 0.0,

@@ -21,6 +21,8 @@ _tolerance_orientation_period_distribution = {"share": 1e-3, "metrics": 1e-2}
 
 _STEPS = 25
 _FEW_PIXELS = 3
+_PAPER_PERCENTILE = 20.0
+"""Of the brightness of bins, most of which no grating lights: what the paper scatters."""
 
 
 def orientation_period_distribution(
@@ -143,6 +145,7 @@ def orientation_period_distribution(
     else:
         plane, count = bins.means(half.azimuth_rad, period, brightness / half.gain)
         seen = count >= _FEW_PIXELS
+        plane = np.maximum(plane - np.percentile(plane[seen], _PAPER_PERCENTILE), 0) if seen.any() else plane
         variance = lobe_variance(
             half,
             light_sigma_mm=placed.light_sigma_mm,
