@@ -88,10 +88,10 @@ def tiles(
     numbers, origin, reference = _laid(shape, steps, size, corner_mm, pitch)
     start = np.stack([translation(*(origin + number @ steps)) for number in numbers])
     unknown = np.full(len(numbers), np.nan)
-    if feature is None:
+    if feature is None or photos.room is None:
         if motion in ("sheet", "tile"):
             raise InputError("there is no photograph under room light", where="motion", expected="translation")
-        return Tiles(start, tile_shape, reference, np.zeros(len(numbers)), unknown, unknown, pitch, found)
+        return Tiles(start, tile_shape, reference, np.zeros(len(numbers)), unknown, unknown, pitch, None, found)
     pattern = np.nan_to_num(cut(feature, start[reference], tile_shape))
     chosen = start
     if motion != "translation":
@@ -112,7 +112,9 @@ def tiles(
         size[1] * pitch,
         found["residual_px"],
     )
-    return Tiles(chosen, tile_shape, reference, moved, residual, correlation, pitch, found)
+    seen = np.stack([cut(photos.room, homography, tile_shape) for homography in chosen])
+    mean = np.nanmean(seen, axis=0)
+    return Tiles(chosen, tile_shape, reference, moved, residual, correlation, pitch, mean, found)
 
 
 def _check_tiles(*, tile_mm: list[float] | None, corner_mm: list[float] | None, **_: object) -> None:
