@@ -130,8 +130,8 @@ class Tiles:
         Normalised correlation of each tile with the reference under room light; NaN without such a photograph.
     pixel_mm : float
         Pitch.
-    pattern : ndarray of shape (rows, columns, 3), float32, or None
-        Mean of all tiles under room light, which is sharp where they are aligned.
+    pattern : ndarray of shape (rows, columns), float32, or None
+        Mean of the edges of all tiles under room light, which is sharp where they are aligned.
     metrics : dict of str to float
         Figures for the table: each name ends in its unit, where it has one.
     """

@@ -93,10 +93,15 @@ def tiles(value: Tiles) -> list[Figure]:
         )
     ]
     if value.pattern is not None:
-        shown = _shown(value.pattern / max(float(np.nanpercentile(value.pattern, 99.5)), 1e-9), linear=True)
-        said = "Mean of all tiles under room light: sharp where they are aligned."
-        figures.append(Figure("pattern", _alone(shown), said))
+        said = "Mean of the edges of all tiles under room light: sharp where they are aligned."
+        figures.append(Figure("pattern", _alone(shown_pattern(value.pattern)), said))
     return figures
+
+
+def shown_pattern(pattern: Picture) -> NDArray[np.float32]:
+    """Edges as grey, the steepest white."""
+    low, high = np.nanpercentile(pattern, [1, 99.5])
+    return np.asarray(np.clip((np.nan_to_num(pattern) - low) / max(high - low, 1e-9), 0, 1), np.float32)
 
 
 def tile_columns(value: Tiles) -> dict[str, NDArray[np.float64]]:

@@ -32,7 +32,7 @@ from pipeline.report.brdf_maps import exposed
 from pipeline.report.diffraction_peaks import grating_angles
 from pipeline.report.encoded import animated_webp, png, write_mp4
 from pipeline.report.exr import write_exr
-from pipeline.report.flash import tile_columns
+from pipeline.report.flash import shown_pattern, tile_columns
 from pipeline.report.inspections import csv_of
 from pipeline.report.labelled_pictures import exposed_pictures
 from pipeline.report.maps import Scale, spread
@@ -259,7 +259,7 @@ def _tiles(stem: Path, value: Tiles) -> Written:
     """A row for each tile: where the centres of its corner pixels lie, and how well it is aligned."""
     yield _csv(stem, tile_columns(value))
     if value.pattern is not None:
-        yield _png(stem, encode_srgb(value.pattern / max(float(np.nanpercentile(value.pattern, 99.5)), 1e-9)))
+        yield _png(stem, shown_pattern(value.pattern))
 
 
 def _response(stem: Path, value: PolarizerResponse) -> Written:
