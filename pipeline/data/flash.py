@@ -130,6 +130,8 @@ class Tiles:
         Normalised correlation of each tile with the reference under room light; NaN without such a photograph.
     pixel_mm : float
         Pitch.
+    pattern : ndarray of shape (rows, columns), float32, or None
+        Mean of the edges of all tiles under room light, which is sharp where they are aligned.
     metrics : dict of str to float
         Figures for the table: each name ends in its unit, where it has one.
     """
@@ -141,4 +143,5 @@ class Tiles:
     residual_px: FloatArray
     correlation: FloatArray
     pixel_mm: float
+    pattern: FloatArray | None = None
     metrics: Mapping[str, float] = field(default_factory=dict)

@@ -98,7 +98,8 @@ class FlashCamera:
             Each setting, and what was expected.
         """
         problems = list(blind_camera(self.camera_mm, self.target_mm, self.up))
-        if (self.wavelength_nm is None) != (self.bandwidth_nm is None):
+        unlike = within(380, 780, wavelength_nm=self.wavelength_nm) + within(0.1, 200, bandwidth_nm=self.bandwidth_nm)
+        if not unlike and (self.wavelength_nm is None) != (self.bandwidth_nm is None):
             problems.append(
                 InputError(
                     "a filter has both a centre and a width", where="wavelength_nm, bandwidth_nm", expected="both"
@@ -113,8 +114,7 @@ class FlashCamera:
             above_zero_up_to(LARGEST_WELL, full_well_electrons=self.full_well_electrons),
             zero_or_more(read_noise_electrons=self.read_noise_electrons, blur_px=self.blur_px, seed=self.seed),
             within(1, MOST_SAMPLES, samples=self.samples),
-            within(380, 780, wavelength_nm=self.wavelength_nm),
-            within(0.1, 200, bandwidth_nm=self.bandwidth_nm),
+            unlike,
         )
 
     def look_at(self, scene: Scene) -> None:

@@ -160,8 +160,8 @@ class FlashFolder:
         if self._index is None or exposure_s is None:
             if room is None:
                 raise InputError("there is no photograph under room light", where=str(self._capture.source))
-            return self._told(_read(room))
-        return self._told(_read(self._files[self._index + 1, exposure_s]))
+            return self._told(_read(room), None)
+        return self._told(_read(self._files[self._index + 1, exposure_s]), exposure_s)
 
     def __enter__(self) -> Self:
         return self
@@ -171,8 +171,8 @@ class FlashFolder:
     ) -> None:
         """Nothing is open."""
 
-    def _told(self, photo: Photo) -> Photo:
-        return Photo(photo.image, photo.saturated, photo.exposure_s, {**photo.metadata, **self._capture.metadata})
+    def _told(self, photo: Photo, exposure_s: float | None) -> Photo:
+        return Photo(photo.image, photo.saturated, exposure_s, {**photo.metadata, **self._capture.metadata})
 
     def _refuse_unequal_brackets(self) -> None:
         brackets: dict[int, list[float]] = {}

@@ -243,7 +243,7 @@ class FlashBench:
             unusable_counts("tiles", self.tiles, "[columns, rows] of tiles, whole numbers from 1"),
             [] if self.board is None else unusable_counts("board", self.board, "[columns, rows] of squares"),
             above_zero(square_mm=self.square_mm),
-            above_zero_up_to(self.square_mm, marker_mm=self.marker_mm),
+            above_zero_up_to(self.square_mm, marker_mm=self.marker_mm) if self.square_mm > 0 else [],
             zero_or_more(paper=self.paper),
         )
 

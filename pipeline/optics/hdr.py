@@ -70,23 +70,23 @@ def merged(bracket: NDArray[np.uint8], exposure_s: Float64Array, response: Float
 
 
 def weighted_mean(bracket: Levels, exposure_s: Float64Array, *, linear: bool) -> Float32Array:
-    """Radiance (M, N, 3) of one bracket as the mean of level over time, levels in the middle counting most.
+    """Radiance (M, N, 3) of one bracket as the mean of level over time; 1 fills the sensor in a second.
 
-    Levels that are not linear are taken for sRGB. 1 fills the sensor in a second.
+    Of linear levels the brightest count most that are not full, for photons are counted; others are taken for sRGB, and
+    those in the middle count most. What is full even in the shortest exposure gets the radiance that just fills it.
     """
     full = np.iinfo(bracket.dtype).max
     table = np.arange(full + 1) / full
     value = table if linear else np.where(table <= 0.04045, table / 12.92, ((table + 0.055) / 1.055) ** 2.4)
-    weight = (np.minimum(table, 1 - table) + 1e-4).astype(np.float32)
-    if linear:
-        # Photons are counted: of levels that are not full, the brightest are the surest.
-        weight = np.where(table < 0.95, table + 1e-4, 1e-4).astype(np.float32)
+    weight = table if linear else np.minimum(table, 1 - table)
+    weight = np.where(table <= _BRIGHTEST / 255, weight + 1e-4, 1e-9).astype(np.float32)
     total, weights = (np.zeros(bracket.shape[1:], np.float32) for _ in range(2))
     for levels, time in zip(bracket, exposure_s, strict=True):
         share = weight[levels]
         total += share * (value / time).astype(np.float32)[levels]
         weights += share
-    return total / weights
+    shortest = bracket[int(np.argmin(exposure_s))]
+    return np.maximum(total / weights, np.where(shortest == full, np.float32(1 / exposure_s.min()), 0))
 
 
 def full_scale(response: Float64Array) -> float:

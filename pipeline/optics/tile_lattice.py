@@ -15,9 +15,10 @@ LEAST_TILE_PX = 16
 _LEAST_CORRELATION = 0.2
 _AS_GOOD = 0.7
 """Of the best peak's correlation, that a shorter period reaches if it is one."""
+_RIDGE = 0.95
 _LEAST_OVERLAP = 0.25
 _LEAST_ANGLE = 0.3
-_LARGEST_TURN = 0.1
+_LARGEST_TURN = 0.03
 """Radians by which rows of tiles may be turned against the rows of pixels."""
 _NEAR_PX = 3
 
@@ -52,11 +53,13 @@ def lattice(feature: Float32Array) -> tuple[Float64Array, float]:
     middle = np.array(correlation.shape) // 2
     peaks = (correlation == maximum_filter(correlation, 2 * _NEAR_PX + 1)) & (correlation > _LEAST_CORRELATION)
     row, column = np.nonzero(peaks)
+    standing = [_stands_out(correlation, int(r), int(c)) for r, c in zip(row, column, strict=True)]
+    row, column = row[standing], column[standing]
     away = np.column_stack([column - middle[1], row - middle[0]])
     value = correlation[row, column]
     far = np.hypot(*away.T) >= LEAST_TILE_PX
     if not far.any():
-        raise ValueError("its autocorrelation has no peak")
+        raise ValueError("its autocorrelation has no peak that stands out on all sides")
     good = far & (value >= _AS_GOOD * value[far].max())
     away = away[good][np.argsort(np.hypot(*away[good].T), kind="stable")]
     first = away[0]
@@ -95,6 +98,15 @@ def _autocorrelation(feature: Float32Array) -> Float64Array:
     enough = overlap >= _LEAST_OVERLAP * feature.size
     found = np.where(enough, product / np.maximum(norm, 1e-9 * float(norm.max())), 0)
     return np.asarray(np.fft.fftshift(found), np.float64)
+
+
+def _stands_out(correlation: Float64Array, row: int, column: int) -> bool:
+    """Whether the correlation falls on all sides of a peak, which it does not along stripes."""
+    angle = np.arange(16) * np.pi / 8
+    r = np.rint(row + LEAST_TILE_PX / 2 * np.sin(angle)).astype(int)
+    c = np.rint(column + LEAST_TILE_PX / 2 * np.cos(angle)).astype(int)
+    inside = (r >= 0) & (r < correlation.shape[0]) & (c >= 0) & (c < correlation.shape[1])
+    return bool(correlation[r[inside], c[inside]].max() < _RIDGE * correlation[row, column])
 
 
 def _near(correlation: Float64Array, away: Float64Array) -> tuple[Float64Array, float]:

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from pipeline.data.diffraction import BrdfMap, DiffractionPeaks, SlitPatterns
+from pipeline.data.flash import FlashBrackets, FlashPhotographs, Tiles
 from pipeline.data.gratings import GratingSample, OrientationError, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.inspection import Defects, Inspection
@@ -20,6 +21,7 @@ from pipeline.data.pictures import Pictures, PictureSeries
 from pipeline.data.polarization import LineDeviation, PolarizerResponse
 from pipeline.data.printing import PrintLayout
 from pipeline.optics.colour import encode_srgb
+from pipeline.report import flash
 from pipeline.report.brdf_maps import brdf_maps
 from pipeline.report.diffraction_peaks import diffraction_peaks
 from pipeline.report.encoded import webp_uri
@@ -220,6 +222,9 @@ def _ends(values: NDArray[np.floating], scale: Scale) -> str:
 DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     GratingSample: _sample,
     PolarizerSequence: lambda value, _: photos(value),
+    FlashBrackets: lambda value, _: flash.brackets(value),
+    FlashPhotographs: lambda value, _: flash.flash_pictures(value),
+    Tiles: lambda value, _: flash.tiles(value),
     OrientationMap: _orientation,
     PeriodMap: _period,
     PrintLayout: lambda value, _: print_layouts(value),

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.diffraction import BrdfMap, DiffractionPeaks, SlitPatterns
+from pipeline.data.flash import FlashPhotographs, Tiles
 from pipeline.data.gratings import PARAMETER, GratingSample, OrientationError, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.inspection import Defects, Inspection
@@ -31,6 +32,7 @@ from pipeline.report.brdf_maps import exposed
 from pipeline.report.diffraction_peaks import grating_angles
 from pipeline.report.encoded import animated_webp, png, write_mp4
 from pipeline.report.exr import write_exr
+from pipeline.report.flash import shown_pattern, tile_columns
 from pipeline.report.inspections import csv_of
 from pipeline.report.labelled_pictures import exposed_pictures
 from pipeline.report.maps import Scale, spread
@@ -239,6 +241,27 @@ def _photos(stem: Path, value: PolarizerSequence) -> Written:
     yield _png(stem, np.vstack([np.hstack(cells[i : i + columns]) for i in range(0, len(cells), columns)]))
 
 
+def _flash(stem: Path, value: FlashPhotographs) -> Written:
+    """Radiance of the rectified sheet under each place of the flash, and the photograph under room light."""
+    if value.pixel_mm is None:
+        return
+    pictures = {f"{index}": radiance for index, radiance in enumerate(value.radiance)}
+    if value.room is not None:
+        pictures["room"] = value.room
+    for name, linear in pictures.items():
+        one = stem.with_name(f"{stem.name}_{name}")
+        yield _exr(one, {channel: linear[..., i] for i, channel in enumerate("RGB")}, pixel_mm=value.pixel_mm)
+        white = float(np.percentile(linear[::3, ::3].max(axis=-1), 99)) or 1.0
+        yield _png(one, encode_srgb(linear / white))
+
+
+def _tiles(stem: Path, value: Tiles) -> Written:
+    """A row for each tile: where the centres of its corner pixels lie, and how well it is aligned."""
+    yield _csv(stem, tile_columns(value))
+    if value.pattern is not None:
+        yield _png(stem, shown_pattern(value.pattern))
+
+
 def _response(stem: Path, value: PolarizerResponse) -> Written:
     """Orientations go up, as in the report."""
     yield _exr(stem, {"intensity": value.intensity[::-1]})
@@ -366,6 +389,8 @@ def _coloured(values: NDArray[np.floating], scale: Scale) -> NDArray[np.float32]
 
 WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     PolarizerSequence.__name__: _photos,
+    FlashPhotographs.__name__: _flash,
+    Tiles.__name__: _tiles,
     BrdfMap.__name__: _brdf,
     Pictures.__name__: _labelled,
     OrientationMap.__name__: _orientation,

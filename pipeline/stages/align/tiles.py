@@ -14,6 +14,7 @@ from pipeline.limits import refuse
 from pipeline.optics.colour import LUMINANCE
 from pipeline.optics.tile_alignment import (
     aligned,
+    apart,
     corners_of,
     cut,
     likeness,
@@ -30,7 +31,7 @@ Float32Array = NDArray[np.float32]
 _SLACK = 0.02
 _ONE_SHEET_PX = 0.5
 """Distance of tiles from where one homography for the sheet puts them, up to which that is preferred."""
-_NO_BETTER = 1.1
+_NO_BETTER = 1.25
 """Times as far as one homography leaves tiles off, up to which translation is preferred."""
 _BESIDE_PX = 1.0
 _LEAST_TILES = 4
@@ -91,7 +92,7 @@ def tiles(
     if feature is None:
         if motion in ("sheet", "tile"):
             raise InputError("there is no photograph under room light", where="motion", expected="translation")
-        return Tiles(start, tile_shape, reference, np.zeros(len(numbers)), unknown, unknown, pitch, found)
+        return Tiles(start, tile_shape, reference, np.zeros(len(numbers)), unknown, unknown, pitch, None, found)
     pattern = np.nan_to_num(cut(feature, start[reference], tile_shape))
     chosen = start
     if motion != "translation":
@@ -112,7 +113,9 @@ def tiles(
         size[1] * pitch,
         found["residual_px"],
     )
-    return Tiles(chosen, tile_shape, reference, moved, residual, correlation, pitch, found)
+    seen = np.stack([cut(feature, homography, tile_shape) for homography in chosen])
+    mean = np.nanmean(seen, axis=0)
+    return Tiles(chosen, tile_shape, reference, moved, residual, correlation, pitch, mean, found)
 
 
 def _check_tiles(*, tile_mm: list[float] | None, corner_mm: list[float] | None, **_: object) -> None:
@@ -184,9 +187,7 @@ def _laid(
         return numbers, origin + np.rint(there) - there, reference
     chosen = np.flatnonzero(~numbers.any(axis=1))
     if not chosen.size:
-        raise InputError(
-            "the tile that was picked does not lie on the sheet", where="corner_mm", expected="its top left"
-        )
+        raise InputError("the picked tile does not lie on the sheet", where="corner_mm", expected="its top left corner")
     return numbers, origin, int(chosen[0])
 
 
@@ -211,10 +212,9 @@ def _aligned(
     if len(start) < _LEAST_TILES:
         return own, np.nan
     together, residual = of_one_sheet(own, numbers, steps, shape, reference)
-    apart = float(np.median([_distances(one, other, shape) for one, other in zip(own, start, strict=True)]))
     if motion == "tile" or (motion == "auto" and residual > _ONE_SHEET_PX):
         chosen, how = own, "each tile has a homography of its own"
-    elif motion == "auto" and apart <= _NO_BETTER * residual:
+    elif motion == "auto" and apart(start, own, shape) <= _NO_BETTER * residual:
         chosen, how = start, "translation does as well"
     else:
         chosen, how = together, "one homography brings all tiles to the reference"
@@ -222,9 +222,5 @@ def _aligned(
     return chosen, residual
 
 
-def _distances(one: Float64Array, other: Float64Array, shape: tuple[int, int]) -> Float64Array:
-    return np.asarray(np.linalg.norm(corners_of(one, shape) - corners_of(other, shape), axis=1))
-
-
 def _farthest(one: Float64Array, other: Float64Array, shape: tuple[int, int]) -> float:
-    return float(_distances(one, other, shape).max())
+    return float(np.linalg.norm(corners_of(one, shape) - corners_of(other, shape), axis=1).max())

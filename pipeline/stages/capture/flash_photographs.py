@@ -37,7 +37,7 @@ def flash_photographs(sample: GratingSample | None = None, *, rig: FlashRig) -> 
     Returns
     -------
     FlashBrackets
-        Images of shape (places, exposures, M, N, 3), as the camera stores them.
+        Images of shape (places, exposures, M, N, 3), as the camera stores them, and exposures as it says them to be.
 
     Raises
     ------
@@ -53,11 +53,12 @@ def flash_photographs(sample: GratingSample | None = None, *, rig: FlashRig) -> 
     exposures = sorted(rig.camera.exposure_s)
     plan: list[tuple[int | None, float | None]] = [(place, time) for place in range(places) for time in exposures]
     plan += [(None, None)] if rig.has_room else []
-    stored, metadata = [], {}
+    stored, taken, metadata = [], [], {}
     with rig:
         for done, (place, time) in enumerate(plan):
             photo = step(done, partial(_take, rig, place, time))
             stored.append(_levels(photo, rig.bits))
+            taken.append(photo.exposure_s if photo.exposure_s is not None else time)
             metadata = dict(photo.metadata)
             advance(done + 1, len(plan))
     if len({image.shape for image in stored}) > 1:
@@ -67,7 +68,7 @@ def flash_photographs(sample: GratingSample | None = None, *, rig: FlashRig) -> 
     _warn_of_saturation(images[:, 0])
     return FlashBrackets(
         images=images,
-        exposure_s=np.asarray(exposures, np.float64),
+        exposure_s=np.asarray(taken[: len(exposures)], np.float64),
         linear=rig.linear,
         room=room,
         light_mm=np.asarray(rig.light.light_mm, np.float64),
