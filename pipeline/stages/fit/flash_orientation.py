@@ -96,7 +96,8 @@ def flash_orientation(
     Returns
     -------
     OrientationMap
-        Of the tile, absolute. ``intensity`` is the brightest view relative to the brightest pixels, ``correlation``
+        Of the tile, absolute. ``standard_error_rad`` is that of the lobe, and of how far the tangent turns within a
+        pixel and where tiles lie beside each other. ``intensity`` is the brightest view relative to the brightest pixels, ``correlation``
         that of the lobe with the views, or the share of the views' brightness that agrees.
 
     Raises
@@ -157,6 +158,7 @@ def flash_orientation(
         )
     if method == "lobe":
         _fit_lobes(photos, tiles, placed, found)
+    found[ERROR] = np.hypot(found[ERROR], _turn_within(found[TANGENT], tiles))
     metrics = _figures(mask, found)
     if 100 - metrics["lit_percent"] > _COVERED_PERCENT:
         proposal = _next_light(photos, tiles, placed, mask, found)
@@ -226,6 +228,19 @@ def _profile(photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArr
     over_blocks(photos, tiles, placed, add)
     bright, weight = np.sum(parts, axis=0)
     return np.asarray(bright / np.maximum(weight, 1e-30))
+
+
+def _turn_within(tangent: NDArray[np.float32], tiles: Tiles) -> NDArray[np.float32]:
+    """By how much the tangent turns over a pixel's size, and over what tiles lie beside each other."""
+    beside = float(np.nanmedian(tiles.residual_px)) if np.isfinite(tiles.residual_px).any() else 0.0
+    double = np.exp(2j * np.nan_to_num(tangent))
+    known = np.isfinite(tangent)
+    square = np.zeros(tangent.shape)
+    for axis in (0, 1):
+        for step in (1, -1):
+            turn = np.angle(np.roll(double, step, axis) * double.conj()) / 2
+            square += np.where(known & np.roll(known, step, axis), turn, 0) ** 2 / 2
+    return np.sqrt(square * (beside**2 + 1 / 12)).astype(np.float32)
 
 
 def _figures(mask: NDArray[np.bool_], found: NDArray[np.float32]) -> dict[str, float]:

@@ -36,6 +36,8 @@ _BLOCKS = 8
 _SIGNIFICANT = 3.0
 _SURE = 0.05
 """Relative standard error beyond which a measurement takes no part in the test."""
+_DOUBTFUL = 0.2
+"""The same, beyond which a pixel's period is not known."""
 _EXPLAINED = 0.25
 """Residual, relative to brightness, above which one period does not explain the views."""
 _FEWEST = 50
@@ -161,14 +163,18 @@ def flash_period(
     _log.info("%s", verdict.words)
     constant = verdict.constant if kind == "auto" else kind == "constant"
     period, error = found[0].astype(np.float32)
-    known = np.isfinite(period)
+    known = error < _DOUBTFUL * period
+    sure = known & alone & (error < _SURE * period)
     metrics = {"period_variation_percent": verdict.percent, "period_constant": float(constant)}
-    metrics |= {"one_period_residual_percent": 100 * one.residual, **_scatter(period[known & alone])}
+    metrics |= {
+        "one_period_residual_percent": 100 * one.residual,
+        **_scatter(period[sure if sure.any() else np.isfinite(period)]),
+    }
     mask = orientation.mask if constant else orientation.mask & known
     if constant:
         common = one
         metrics["period_um"] = one.period_um or np.nan
-        error = np.full_like(error, _error_of_common(np.where(alone, period, np.nan)))
+        error = np.full_like(error, _error_of_common(np.where(sure, period, np.nan)))
         period = np.full_like(period, metrics["period_um"])
     metrics |= {
         "light_sigma_mm": common.light_sigma_mm,
@@ -378,7 +384,7 @@ def _error_of_common(period: Array) -> float:
     blocks = _blocks(period.shape)
     known = [period[(blocks == one) & np.isfinite(period)] for one in range(_BLOCKS**2)]
     medians = [np.median(values) for values in known if values.size]
-    return float(np.std(medians) / np.sqrt(len(medians)))
+    return float(np.std(medians) / np.sqrt(len(medians))) if medians else float("nan")
 
 
 def _check_flash_period(
