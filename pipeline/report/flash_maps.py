@@ -29,8 +29,8 @@ def highlights(value: Highlights) -> list[Figure]:
         Figure(
             "highlights",
             Markup('<div class="sheet large">{}</div>').format(Markup("").join(cells)),
-            "Brightness of each photograph, exposed for what lies around the highlight. Circle: two standard deviations "
-            f"of the highlight that was found; cross: where the stated places of flash and camera put it.{extent}",
+            "Brightness of each photograph, exposed for what lies around the highlight. Circle: two standard "
+            f"deviations of the highlight that was found; cross: where the stated places of flash and camera put it.{extent}",
             wide=True,
         )
     ]
@@ -59,8 +59,8 @@ def distribution(value: GratingDistribution) -> list[Figure]:
         Figure(
             "distribution",
             svg.markup("share of gratings over orientation and period"),
-            f"Share of the sheet's gratings in each of {rows} × {columns} bins; grey: bins that the photograph does not "
-            "show.",
+            f"Share of the sheet's gratings in each of {rows} × {columns} bins; grey: bins that the photograph does "
+            "not show.",
         )
     ]
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.diffraction import BrdfMap, DiffractionPeaks, SlitPatterns
 from pipeline.data.flash import FlashPhotographs, Tiles
+from pipeline.data.flash_maps import GratingDistribution
 from pipeline.data.gratings import PARAMETER, GratingSample, OrientationError, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.inspection import Defects, Inspection
@@ -33,6 +34,7 @@ from pipeline.report.diffraction_peaks import grating_angles
 from pipeline.report.encoded import animated_webp, png, write_mp4
 from pipeline.report.exr import write_exr
 from pipeline.report.flash import shown_pattern, tile_columns
+from pipeline.report.flash_maps import shown_distribution
 from pipeline.report.inspections import csv_of
 from pipeline.report.labelled_pictures import exposed_pictures
 from pipeline.report.maps import Scale, spread
@@ -255,6 +257,14 @@ def _flash(stem: Path, value: FlashPhotographs) -> Written:
         yield _png(one, encode_srgb(linear / white))
 
 
+def _distribution(stem: Path, value: GratingDistribution) -> Written:
+    """A row an orientation and period."""
+    angle, period = np.meshgrid(np.rad2deg(value.orientation_rad), value.period_um, indexing="ij")
+    columns = {"orientation_deg": angle, "period_um": period, "share": value.share}
+    yield _csv(stem, {name: column.ravel() for name, column in columns.items()})
+    yield _png(stem, shown_distribution(value))
+
+
 def _tiles(stem: Path, value: Tiles) -> Written:
     """A row for each tile: where the centres of its corner pixels lie, and how well it is aligned."""
     yield _csv(stem, tile_columns(value))
@@ -391,6 +401,7 @@ WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     PolarizerSequence.__name__: _photos,
     FlashPhotographs.__name__: _flash,
     Tiles.__name__: _tiles,
+    GratingDistribution.__name__: _distribution,
     BrdfMap.__name__: _brdf,
     Pictures.__name__: _labelled,
     OrientationMap.__name__: _orientation,

@@ -97,8 +97,8 @@ def flash_orientation(
     -------
     OrientationMap
         Of the tile, absolute. ``standard_error_rad`` is that of the lobe, and of how far the tangent turns within a
-        pixel and where tiles lie beside each other. ``intensity`` is the brightest view relative to the brightest pixels, ``correlation``
-        that of the lobe with the views, or the share of the views' brightness that agrees.
+        pixel and where tiles lie beside each other. ``intensity`` is the brightest view relative to the brightest
+        pixels, ``correlation`` that of the lobe with the views, or the share of the views' brightness that agrees.
 
     Raises
     ------
