@@ -30,7 +30,8 @@ def highlights(value: Highlights) -> list[Figure]:
             "highlights",
             Markup('<div class="sheet large">{}</div>').format(Markup("").join(cells)),
             "Brightness of each photograph, exposed for what lies around the highlight. Circle: two standard "
-            f"deviations of the highlight that was found; cross: where the stated places of flash and camera put it.{extent}",
+            "deviations of the highlight that was found; cross: where the stated places of flash and camera put it."
+            f"{extent}",
             wide=True,
         )
     ]

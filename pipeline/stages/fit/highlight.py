@@ -37,7 +37,7 @@ def highlight(
     The brightest spot is measured as a Gaussian, the sheet's pattern averaged out. Its size tells the flash's extent:
     in half vectors, the highlight is as wide as the flash is seen from the sheet, and the coherence window. There is a
     warning where the spot was too bright for every exposure, lies on the edge of the picture, or away from where the
-    stated places of flash and camera put it; a highlight on the edge is taken for one outside, and given back as NaN.
+    stated places of flash and camera put it. One on the edge, or stated to lie outside, is given back as NaN.
 
     Parameters
     ----------
@@ -67,21 +67,22 @@ def highlight(
     rows, columns = photos.valid.shape[1:]
     count = len(photos.radiance)
     place, sigma = np.full((count, 2), np.nan), np.full(count, np.nan)
+    stated = mirror_point(photos.light_mm, photos.camera_mm)
+    extent_mm = np.array([columns, rows]) * pixel / 2
     saturated, outside = np.zeros(count, bool), np.zeros(count, bool)
     for index, (radiance, valid) in enumerate(zip(photos.radiance, photos.valid, strict=True)):
         brightness = radiance.mean(axis=-1, dtype=np.float32)
         column, row, spread = bright_spot(brightness, pattern_mm / pixel)
         edge = min(column, row, columns - 1 - column, rows - 1 - row)
-        outside[index] = edge < 0.5 * spread
+        outside[index] = edge < 0.5 * spread or bool((np.abs(stated[index]) > extent_mm).any())
         saturated[index] = _unread(valid, column, row, _NEIGHBOURHOOD_MM / pixel)
         if outside[index]:
-            _log.warning("photograph %d shows no highlight: what is brightest lies on its edge", index)
+            _log.warning("photograph %d shows no highlight: it lies on its edge or beyond", index)
             continue
         if saturated[index]:
             _log.warning("the highlight of photograph %d is too bright for every exposure: it looks too wide", index)
         place[index] = (column - (columns - 1) / 2) * pixel, ((rows - 1) / 2 - row) * pixel
         sigma[index] = spread * pixel
-    stated = mirror_point(photos.light_mm, photos.camera_mm)
     away = np.linalg.norm(place - stated, axis=1)
     for off in np.flatnonzero(away > tolerance_mm):
         _log.warning(
