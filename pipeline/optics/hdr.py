@@ -18,6 +18,8 @@ Levels = NDArray[np.unsignedinteger]
 
 _GRID = 9
 """Side of the square of pixels from which the response is solved; 50 would do with two exposures."""
+_LOOKED_AT = 200_000
+"""Pixels of which these are chosen."""
 _DARKEST, _BRIGHTEST = 4, 250
 """Levels of 255 between which one says something of the light."""
 _NOISE = 4
@@ -106,9 +108,12 @@ def _spread_pixels(brackets: NDArray[np.uint8]) -> NDArray[np.uint8]:
     Of pixels as bright, those are taken that differ least from their neighbours; none that is darker in a longer
     exposure, for there something moved.
     """
+    every = max(1, int(np.sqrt(brackets[:, 0, ..., 0].size / _LOOKED_AT)))
+    brackets = brackets[:, :, ::every, ::every]
     count, exposures = _GRID**2, brackets.shape[1]
     middle = brackets[:, exposures // 2]
-    edges = np.stack([cv2.morphologyEx(picture, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) for picture in middle])
+    box = np.ones((3, 3), np.uint8)
+    edges = np.stack([cv2.morphologyEx(np.ascontiguousarray(seen), cv2.MORPH_GRADIENT, box) for seen in middle])
     said = brackets.sum(axis=1, dtype=np.float32)
     told = ((brackets >= _DARKEST) & (brackets <= _BRIGHTEST)).sum(axis=1, dtype=np.int8) >= min(2, exposures)
     moved = np.any(brackets[:, 1:] < np.maximum(brackets[:, :-1], _NOISE) - _NOISE, axis=1).any(axis=-1)
@@ -123,7 +128,7 @@ def _spread_pixels(brackets: NDArray[np.uint8]) -> NDArray[np.uint8]:
         order = np.lexsort((edge, share))
         first = np.unique(share[order], return_index=True)[1]
         picked.append(place[order][first])
-    every = np.concatenate(picked) if picked else np.arange(said[..., 0].size)
-    places = every[np.linspace(0, len(every) - 1, count).astype(int)]
+    candidates = np.concatenate(picked) if picked else np.arange(said[..., 0].size)
+    places = candidates[np.linspace(0, len(candidates) - 1, count).astype(int)]
     stacked = np.moveaxis(brackets, 1, 0).reshape(exposures, -1, 3)
     return np.ascontiguousarray(stacked[:, places]).reshape(exposures, _GRID, _GRID, 3)
