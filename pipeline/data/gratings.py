@@ -9,6 +9,9 @@ import numpy as np
 
 from pipeline.data.arrays import BoolArray, FloatArray
 
+PARAMETER = "parameter_"
+"""What precedes the name of a map's parameter among the attributes of its EXR file."""
+
 
 @dataclass(frozen=True, eq=False)
 class GratingSample:
@@ -92,6 +95,12 @@ class OrientationMap:
     standard_error_rad: FloatArray | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     stokes: FloatArray | None = None
+
+    @classmethod
+    def of_angles(cls, orientation_rad: FloatArray, *, pixel_mm: float | None, absolute: bool) -> OrientationMap:
+        """A map of angles in [0, pi), NaN where nothing diffracts, without photographs behind it."""
+        unknown = np.full(orientation_rad.shape, np.nan, np.float32)
+        return cls(orientation_rad, unknown, unknown, np.isfinite(orientation_rad), pixel_mm, absolute)
 
 
 @dataclass(frozen=True, eq=False)

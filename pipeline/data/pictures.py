@@ -14,7 +14,7 @@ class PictureSeries:
     Attributes
     ----------
     rgb : ndarray of shape (L, M, N, 3), float32
-        Linear, sRGB primaries, white (1, 1, 1).
+        Linear, sRGB primaries, white (1, 1, 1); of shape (1, M, N, 3) where all lights shine together.
     light_mm : ndarray of shape (L, 3), float64
         Position of the light: x right, y up, z towards the camera, origin at the centre of the sample.
     camera_mm : ndarray of shape (3,), float64
@@ -23,6 +23,8 @@ class PictureSeries:
         Pixel pitch on the sample.
     caption : str
         What the pictures show.
+    together : bool
+        True where all lights are on in one picture.
     """
 
     rgb: FloatArray
@@ -30,6 +32,7 @@ class PictureSeries:
     camera_mm: FloatArray
     pixel_mm: float | None = None
     caption: str = ""
+    together: bool = False
 
 
 @dataclass(frozen=True, eq=False)

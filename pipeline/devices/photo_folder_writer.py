@@ -92,6 +92,8 @@ def write_point_light(series: PictureSeries, folder: Path) -> Path:
     DeviceError
         A file cannot be written.
     """
+    if series.together:
+        raise InputError("all lights are on in one picture", expected="a picture for each light")
     if series.rgb.dtype != np.float32 or series.rgb.ndim != 4 or not series.rgb.size or series.rgb.shape[3] != 3:
         raise InputError(
             f"pictures of shape {series.rgb.shape} and type {series.rgb.dtype}",

@@ -1,4 +1,4 @@
-"""A virtual light over a virtual sheet: the row loop of :mod:`pipeline.optics.sheet` on as many cores as are free."""
+"""A virtual light over a virtual sheet: the reference's row loop on as many cores as are free."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from pipeline.errors import InputError
 from pipeline.limits import above_zero, refuse, within, zero_or_more
 from pipeline.optics.colour import Spectrum
 from pipeline.optics.gratings import Form, window_spread
-from pipeline.optics.sheet import aliasing, largest_half_vector, shade_rows, spectral_table
+from pipeline.optics.sheet.extent import extent
+from pipeline.optics.sheet.spectral import aliasing, shade_rows, spectral_table
+from pipeline.optics.sheet.view import View, rectified
 from pipeline.parallel import over_rows
 from pipeline.progress import advance
 
@@ -49,6 +51,8 @@ class Lighting:
         Step of the spectral sum.
     orders : {"exact", "second order"}
         Form of the order efficiencies.
+    refractive_index : float or None
+        For Schlick's reflectance relative to that at normal incidence; None for a mirror's, the same at all angles.
     """
 
     lights_mm: NDArray[np.float64]
@@ -59,6 +63,13 @@ class Lighting:
     coherence_um: float
     wavelength_step_nm: float
     orders: Form = "exact"
+    refractive_index: float | None = None
+
+    @property
+    def normal_reflectance(self) -> float:
+        """At normal incidence."""
+        index = self.refractive_index
+        return 1.0 if index is None else ((index - 1) / (index + 1)) ** 2
 
 
 def check_lighting(
@@ -93,28 +104,6 @@ def check_lighting(
     )
 
 
-def render_sheet(
-    orientation_rad: NDArray[np.floating], period_um: NDArray[np.floating], lighting: Lighting, *, pixel_mm: float
-) -> Image:
-    """Relative radiance of a sheet under each of several lights, linear sRGB of shape (lights, M, N, 3).
-
-    Parameters
-    ----------
-    orientation_rad, period_um : ndarray of shape (M, N)
-        The maps; NaN stays dark.
-    lighting : Lighting
-        Light and camera.
-    pixel_mm : float
-        Pitch of the maps.
-    """
-    _warn_of_aliasing(period_um, lighting)
-    rgb = np.zeros((len(lighting.lights_mm), *orientation_rad.shape, 3), np.float32)
-    for index, light in enumerate(lighting.lights_mm):
-        _add_light(rgb[index], orientation_rad, period_um, light, lighting, pixel_mm)
-        advance(index + 1, len(lighting.lights_mm))
-    return rgb
-
-
 def render_supersampled(
     orientation_rad: NDArray[np.floating],
     period_um: NDArray[np.floating],
@@ -123,7 +112,7 @@ def render_supersampled(
     pixel_mm: float,
     ratio: int,
 ) -> Iterator[Image]:
-    """The pictures of :func:`render_sheet` one by one, with the fine pixels worked out only where facets meet.
+    """What a sheet sends to the camera under each light, with the fine pixels worked out only where facets meet.
 
     A block of ``ratio`` x ``ratio`` fine pixels on one facet is lit as its centre is: across a few micrometres, the
     directions to light and camera hardly change.
@@ -139,16 +128,18 @@ def render_supersampled(
     ratio : int
         Odd side of a block.
     """
-    _warn_of_aliasing(period_um, lighting)
+    warn_of_aliasing(period_um, lighting)
     uniform = _uniform_blocks(orientation_rad, ratio) & _uniform_blocks(period_um, ratio)
     centre = slice(ratio // 2, None, ratio)
     blocks = np.where(uniform, orientation_rad[centre, centre], np.nan)
     seams = np.where(_spread(uniform, ratio), np.nan, orientation_rad)
+    fine = rectified(seams.shape[0], seams.shape[1], pixel_mm, lighting.camera_mm)
+    rough = rectified(blocks.shape[0], blocks.shape[1], pixel_mm * ratio, lighting.camera_mm)
     for index, light in enumerate(lighting.lights_mm):
         coarse = np.zeros((*blocks.shape, 3), np.float32)
-        _add_light(coarse, blocks, period_um[centre, centre], light, lighting, pixel_mm * ratio)
+        add_light(coarse, blocks, period_um[centre, centre], rough, light, lighting)
         picture = _spread(coarse, ratio)
-        _add_light(picture, seams, period_um, light, lighting, pixel_mm)
+        add_light(picture, seams, period_um, fine, light, lighting)
         yield picture
         advance(index + 1, len(lighting.lights_mm))
 
@@ -160,26 +151,37 @@ def white_level(rgb: Image, percentile: float) -> np.float32:
     return np.float32(np.percentile(lit, percentile)) if lit.size else np.float32(1)
 
 
-def _add_light(
+def add_light(
     picture: Image,
     orientation_rad: NDArray[np.floating],
     period_um: NDArray[np.floating],
+    view: View,
     light_mm: NDArray[np.float64],
     lighting: Lighting,
-    pixel_mm: float,
+    *,
+    slopes: Image | None = None,
+    pixel_part: float = 0.0,
 ) -> None:
-    """Add what the sheet sends to the camera under one light."""
+    """Add what a view gets from the sheet under one light, by the spectral sum in double precision.
+
+    Parameters
+    ----------
+    picture : ndarray of shape (M, N, 3), float32
+        Linear sRGB, relative.
+    orientation_rad, period_um, slopes, pixel_part
+        As of :func:`pipeline.optics.sheet.spectral.shade_rows`.
+    """
     if not np.isfinite(period_um).any():
         return
-    half_width = max(orientation_rad.shape) * pixel_mm / 2
     table = spectral_table(
         light=lighting.illuminant,
         wavelength_step_nm=lighting.wavelength_step_nm,
         coherence_um=lighting.coherence_um,
         depth_um=lighting.depth_um,
         longest_period_um=float(np.nanmax(period_um)),
-        largest_half_vector=largest_half_vector(light_mm, lighting.camera_mm, half_width),
+        largest_half_vector=extent(view, light_mm, lighting.light_sigma_mm, slopes).across,
         orders=lighting.orders,
+        normal_reflectance=lighting.normal_reflectance,
     )
 
     orientation, period = _for_kernel(orientation_rad), _for_kernel(period_um)
@@ -190,17 +192,18 @@ def _add_light(
             (first, last),
             orientation,
             period,
-            pixel_mm=pixel_mm,
+            view=view,
             light_mm=light_mm,
-            camera_mm=lighting.camera_mm,
             light_sigma_mm=lighting.light_sigma_mm,
             table=table,
+            slopes=slopes,
+            pixel_part=pixel_part,
         )
 
-    over_rows(shade, len(orientation_rad))
+    over_rows(shade, view.rows)
 
 
-def _warn_of_aliasing(period_um: NDArray[np.floating], lighting: Lighting) -> None:
+def warn_of_aliasing(period_um: NDArray[np.floating], lighting: Lighting) -> None:
     """Say so where the spectral step is too coarse for the narrowest lobes, which would turn rainbows into stripes."""
     if not np.isfinite(period_um).any():
         return

@@ -120,6 +120,8 @@ def readable_errors(where: str) -> Iterator[None]:
         cause = error.__cause__ or error
         what = _one_line(error if cause is error else f"{_one_line(error)}: {_one_line(cause)}")
         what, _, _ = what.partition(" To append to your config use ")
+        if missing := re.search(r"Missing mandatory value: ([\w.]+)", what):
+            raise InputError(f"'{missing[1]}' is not given", where=where, expected=f"{missing[1]}=VALUE") from None
         unknown = re.search(r"Could not override '([\w.]+)'", what)
         hint = nearest(unknown[1].split(".")[0], SECTIONS) if unknown else ""
         raise InputError(what, where=where, hint=hint) from None

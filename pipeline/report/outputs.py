@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.diffraction import BrdfMap, DiffractionPeaks, SlitPatterns
-from pipeline.data.gratings import GratingSample, OrientationError, OrientationMap, PeriodMap
+from pipeline.data.gratings import PARAMETER, GratingSample, OrientationError, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.inspection import Defects, Inspection
 from pipeline.data.photographs import PolarizerSequence
@@ -41,7 +41,7 @@ from pipeline.report.svg import standalone
 from pipeline.report.view import RunView
 from pipeline.storage.files import write_bytes, write_text
 
-FORMAT = 1
+FORMAT = 2
 """Counts up when the same value is written differently, so that older files are written anew."""
 
 RECORD, CHARTS = ".written.json", ".charts.json"
@@ -166,19 +166,22 @@ def _orientation(stem: Path, value: OrientationMap) -> Written:
     }
     if value.standard_error_rad is not None:
         channels["standard_error_rad"] = value.standard_error_rad
-    yield _exr(stem, channels, pixel_mm=value.pixel_mm)
+    parameters = {f"{PARAMETER}{name}": number for name, number in value.parameters.items()}
+    yield _exr(stem, channels, pixel_mm=value.pixel_mm, absolute=value.absolute, **parameters)
     yield _png(stem, orientation_colours(value.orientation_rad))
 
 
 def _period(stem: Path, value: PeriodMap) -> Written:
-    yield _exr(stem, {"period_um": value.period_um, "mask": value.mask}, pixel_mm=value.pixel_mm)
+    channels = {"period_um": value.period_um, "mask": value.mask}
+    yield _exr(stem, channels, pixel_mm=value.pixel_mm, relative=value.relative)
     yield _png(stem, _coloured(value.period_um, spread(value.period_um, "period (µm)")))
 
 
 def _sample(stem: Path, value: GratingSample) -> Written:
     every = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
     channels = {name: member for name, member in every.items() if isinstance(member, np.ndarray)}
-    yield _exr(stem, channels, pixel_mm=value.pixel_mm)
+    numbers = {name: member for name, member in every.items() if isinstance(member, float)}
+    yield _exr(stem, channels, **numbers, absolute=True, relative=False)
 
 
 def _error(stem: Path, value: OrientationError) -> Written:

@@ -198,7 +198,12 @@ def _under_equal_lights(values: Mapping[str, Any]) -> list[list[str]]:
     groups: list[list[str]] = []
     for name, value in values.items():
         if isinstance(value, PictureSeries):
-            same = (g for g in groups if np.array_equal(values[g[0]].light_mm, value.light_mm))
+            firsts = ((g, values[g[0]]) for g in groups)
+            same = (
+                g
+                for g, first in firsts
+                if first.together == value.together and np.array_equal(first.light_mm, value.light_mm)
+            )
             group = next(same, None)
             if group is None:
                 groups.append([name])

@@ -81,8 +81,8 @@ def pictures(value: PictureSeries) -> list[Figure]:
     """Every picture of one series."""
     shown, exposure = _exposed(value)
     cells = [
-        Markup('<div class="cell"><span>{}</span>{}</div>').format(_light(light), _picture(picture))
-        for light, picture in zip(value.light_mm, shown, strict=True)
+        Markup('<div class="cell"><span>{}</span>{}</div>').format(head, _picture(picture))
+        for head, picture in zip(_heads(value), shown, strict=True)
     ]
     grid = Markup('<div class="sheet large">{}</div>').format(Markup("").join(cells))
     return [Figure("pictures", grid, f"{_sentence(value.caption)}{_lights(value)} {exposure}", wide=True)]
@@ -93,10 +93,11 @@ def beside(series: Mapping[str, PictureSeries]) -> Figure:
     shown = {name: _exposed(one) for name, one in series.items()}
     first = next(iter(series.values()))
     parts = []
-    for start in range(0, len(first.light_mm), ABREAST):
+    heads = _heads(first)
+    for start in range(0, len(heads), ABREAST):
         chosen = slice(start, start + ABREAST)
-        count = len(first.light_mm[chosen])
-        cells = [Markup('<span class="head">{}</span>').format(_light(light)) for light in first.light_mm[chosen]]
+        count = len(heads[chosen])
+        cells = [Markup('<span class="head">{}</span>').format(head) for head in heads[chosen]]
         for name, (row, exposure) in shown.items():
             said = f"{_sentence(series[name].caption)} {exposure}"
             cells.append(Markup('<p class="row"><b><a href="#node-{0}">{0}</a></b> {1}</p>').format(name, said))
@@ -114,6 +115,12 @@ def direction(light_mm: NDArray[np.floating]) -> tuple[float, float]:
     """Azimuth, anticlockwise from +x, and elevation of a light above the sheet, in degrees."""
     x, y, z = (float(c) for c in light_mm)
     return float(np.rad2deg(np.arctan2(y, x))) + 0.0, float(np.rad2deg(np.arctan2(z, np.hypot(x, y))))
+
+
+def _heads(value: PictureSeries) -> list[Markup]:
+    """What stands over each picture: its light, or that all of them are on."""
+    lights = [_light(light) for light in value.light_mm]
+    return [Markup(", ").join(lights)] if value.together else lights
 
 
 def _light(light_mm: NDArray[np.floating]) -> Markup:

@@ -46,6 +46,7 @@ EITHER_SIGN = {
     "simulate.cosine_grating": {"orientation_deg"},
     "simulate.scanned": {"tilt_direction_deg"},
     "simulate.banknote_emblem": OPTICS | {"turn_deg"},
+    "simulate.circles": OPTICS,
     "simulate.compact_disc": {"phase_deg"},
     "simulate.defects": {"turn_deg"},
     "simulate.facets": OPTICS,

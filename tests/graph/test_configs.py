@@ -41,7 +41,9 @@ def test_every_executor_composes(executor: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", [p for g in ("experiment", "rig", "executor", "surface") for p in options(g).values()], ids=lambda p: p.stem
+    "path",
+    [p for g in ("experiment", "rig", "executor", "surface", "maps") for p in options(g).values()],
+    ids=lambda p: p.stem,
 )
 def test_every_file_names_its_own_command(path: Path) -> None:
     assert "python -m pipeline +experiment=" in path.read_text()

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.optics.sheet import aliasing, largest_half_vector
+from pipeline.optics.sheet.extent import extent
+from pipeline.optics.sheet.spectral import aliasing
+from pipeline.optics.sheet.view import rectified
 
 
 @pytest.mark.parametrize("spread", [0.006, 0.008, 0.012])
@@ -20,9 +22,17 @@ def test_aliasing_is_the_worst_error_of_a_sampled_lobe(spread: float) -> None:
     assert aliasing(step_nm, period_um, spread) == pytest.approx(np.abs(np.array(sums) - 1).max(), rel=0.01, abs=1e-12)
 
 
-def test_the_largest_half_vector_is_that_of_the_farthest_corner() -> None:
+def test_the_extent_of_a_picture_is_that_of_its_pixels() -> None:
     light, camera = np.array([100.0, 20.0, 300.0]), np.array([0.0, 0.0, 500.0])
+    view = rectified(41, 41, 0.5, camera)
     x, y = np.meshgrid(np.linspace(-10, 10, 41), np.linspace(-10, 10, 41))
     points = np.stack([x, y, np.zeros_like(x)], axis=-1)
     half = sum((p - points) / np.linalg.norm(p - points, axis=-1, keepdims=True) for p in (light, camera))
-    assert largest_half_vector(light, camera, 10.0) == pytest.approx(np.linalg.norm(half[..., :2], axis=-1).max())
+    found = extent(view, light, 3.0)
+    assert found.across == pytest.approx(np.linalg.norm(half[..., :2], axis=-1).max())
+    assert found.w == pytest.approx((half[..., 2].min(), half[..., 2].max()))
+    away = np.linalg.norm(light - points, axis=-1)
+    assert found.light_variance == pytest.approx((9 / away.max() ** 2, 9 / away.min() ** 2))
+    along_x, along_y = np.gradient(half, axis=1), np.gradient(half, axis=0)
+    change = ((along_x**2).sum(axis=-1) + (along_y**2).sum(axis=-1)).max() / 12
+    assert found.pixel_variance == pytest.approx(change, rel=0.02)

@@ -11,9 +11,11 @@ import pytest
 from scipy.special import jv
 
 from pipeline.data.gratings import OrientationMap, PeriodMap
-from pipeline.devices.virtual_light import Lighting, render_sheet, render_supersampled
+from pipeline.devices.virtual_light import Lighting, render_supersampled
+from pipeline.devices.virtual_sheet import Sheet, render_sheet
 from pipeline.errors import InputError
 from pipeline.optics.colour import white_balanced_weights
+from pipeline.optics.sheet.view import rectified
 from pipeline.stages.capture import point_light as capture_module
 from pipeline.stages.capture.point_light import point_light as photograph
 from pipeline.stages.render import point_light as render_module
@@ -95,6 +97,7 @@ def test_the_sheet_is_the_plain_sum_over_wavelengths_and_orders() -> None:
         camera_mm=camera.tolist(),
         light_sigma_mm=sigma,
         depth_um=depth,
+        anti_aliased=False,
         white_percentile=100.0,
     )
     nm, weights = white_balanced_weights("D65", 5.0)
@@ -191,9 +194,10 @@ def test_supersampling_where_facets_meet_is_supersampling_everywhere() -> None:
         coherence_um=65.0,
         wavelength_step_nm=5.0,
     )
-    maps = (sample.orientation_rad, sample.period_um, lighting)
-    everywhere = render_sheet(*maps, pixel_mm=0.04)
-    found = np.stack(list(render_supersampled(*maps, pixel_mm=0.04, ratio=3)))
+    maps = (sample.orientation_rad, sample.period_um)
+    view = rectified(*sample.orientation_rad.shape, 0.04, lighting.camera_mm)
+    everywhere = render_sheet(Sheet(*maps, 0.04), view, lighting)
+    found = np.stack(list(render_supersampled(*maps, lighting, pixel_mm=0.04, ratio=3)))
     assert np.abs(found - everywhere).max() < 0.01 * everywhere.max()
     assert np.abs(found.mean() - everywhere.mean()) < 1e-4 * everywhere.mean()
 

@@ -104,6 +104,8 @@ def offset(
     if orientation.absolute:
         _log.info("The map is absolute already: nothing is added.")
         return orientation
+    if photos is not None and photos.together:
+        raise InputError("all lights are on in one photograph", expected="a photograph for each light")
     if photos is None:
         _log.info("No photographs under a small light: the offset stays unknown.")
         return orientation

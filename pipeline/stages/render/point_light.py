@@ -8,10 +8,14 @@ from typing import Literal
 import numpy as np
 
 from pipeline.data.gratings import OrientationMap, PeriodMap
+from pipeline.data.height_fields import HeightField
 from pipeline.data.pictures import PictureSeries
-from pipeline.devices.virtual_light import Lighting, check_lighting, render_sheet, white_level
+from pipeline.devices.sheet_views import WIDEST_VIEW_DEG, blind_camera, camera_view, rectified_view, unusable_counts
+from pipeline.devices.virtual_light import Lighting, check_lighting, white_level
+from pipeline.devices.virtual_sheet import MOST_SAMPLES, POINTS, Sheet, automatic_sampling, render_sheet
 from pipeline.errors import InputError
-from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
+from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within, zero_or_more
+from pipeline.optics.sheet.maps import Bumps, slopes_of
 
 _log = logging.getLogger(__name__)
 
@@ -24,6 +28,7 @@ _OFFSET_UNKNOWN = "Orientations are known up to one offset: facets may shine und
 def point_light(
     orientation: OrientationMap,
     period: PeriodMap,
+    bumps: HeightField | None = None,
     *,
     lights_mm: list[list[float]],
     camera_mm: list[float] = [0.0, 0.0, 500.0],  # noqa: B006 - read from the syntax tree, never modified
@@ -32,20 +37,34 @@ def point_light(
     depth_um: float = 0.12,
     coherence_um: float = 65.0,
     width_mm: float = 15.0,
+    tiles: list[int] = [1, 1],  # noqa: B006
+    view: Literal["rectified", "camera"] = "rectified",
+    target_mm: list[float] = [0.0, 0.0, 0.0],  # noqa: B006
+    up: list[float] = [0.0, 1.0, 0.0],  # noqa: B006
+    field_of_view_deg: float | None = None,
+    size_px: list[int] | None = None,
+    evaluator: Literal["auto", "spectral", "tabulated"] = "auto",
     wavelength_step_nm: float = 5.0,
     orders: Literal["exact", "second order"] = "exact",
+    refractive_index: float | None = None,
+    samples: int | None = None,
+    anti_aliased: bool = True,
+    tolerance: float = 0.01,
+    together: bool = False,
     white_percentile: float = 99.5,
 ) -> PictureSeries:
     """Render a sheet under a light that is carried around it.
 
     Each pixel's light is summed over wavelengths and over all diffraction orders that can reach the camera, each order
-    as wide as the coherence window and the light's extent make it. Orientations that are known only up to one offset
-    make facets shine under the wrong lights: there is a warning, and the caption says so.
+    as wide as the coherence window, the light's extent and the pixel's area make it. Orientations that are known only
+    up to one offset make facets shine under the wrong lights: there is a warning, and the caption says so.
 
     Parameters
     ----------
     orientation, period : OrientationMap, PeriodMap
-        Maps of the same shape (M, N).
+        Maps of the same shape (M, N), of one tile.
+    bumps : HeightField, optional
+        Unevenness of the sheet, in the middle of it; one that repeats goes on. Its slopes tilt the gratings.
     lights_mm : list of [x, y, z]
         Positions of the light: x right, y up, z towards the camera, origin at the centre of the sheet.
     camera_mm : [x, y, z]
@@ -59,18 +78,44 @@ def point_light(
     coherence_um : float
         Width 4 sigma_s of the coherence window; 65 um for sunlight.
     width_mm : float
-        Width of the sheet where the maps do not know their pixel pitch.
+        Width of the tile where the maps do not know their pixel pitch.
+    tiles : [columns, rows]
+        How often the tile is repeated.
+    view : {"rectified", "camera"}
+        The sheet as it lies, lit as the camera sees it, or the camera's picture.
+    target_mm : [x, y, z]
+        What lies in the middle of the camera's picture.
+    up : [x, y, z]
+        What points up in it.
+    field_of_view_deg : float, optional
+        Across its width; by default as wide as shows the whole sheet.
+    size_px : [columns, rows], optional
+        Of the picture. By default a rectified one has a pixel for each point of the maps, of several tiles at most 1920
+        along a side, and a camera's is 960 by 720.
+    evaluator : {"auto", "spectral", "tabulated"}
+        The sum over wavelengths in double precision, or a look-up in a table of colours. ``auto`` takes the table for
+        large pictures if it keeps the tolerance on some of their pixels, and says what it took.
     wavelength_step_nm : float
         Step of the spectral sum.
     orders : {"exact", "second order"}
         Efficiency of the orders by Bessel functions, for any depth, or expanded to second order as in the paper.
+    refractive_index : float, optional
+        Of a film over the gratings whose Schlick reflectance grows towards grazing light; by default a mirror's.
+    samples : int, optional
+        Points along each side of a pixel; by default one for each point of the maps that it shows.
+    anti_aliased : bool
+        Average over a pixel's area; otherwise what lies in its middle is all that it shows.
+    tolerance : float
+        Error relative to white that look-ups, and lobes taken as constant within a pixel, may make.
+    together : bool
+        All lights are on at once, in one picture.
     white_percentile : float
         The brightest channel of the lit pixels of all pictures at this percentile becomes 1.
 
     Returns
     -------
     PictureSeries
-        Linear sRGB of shape (lights, M, N, 3).
+        Linear sRGB of shape (lights, rows, columns, 3), or (1, rows, columns, 3) with all lights together.
 
     Raises
     ------
@@ -106,15 +151,48 @@ def point_light(
         coherence_um=coherence_um,
         wavelength_step_nm=wavelength_step_nm,
         orders=orders,
+        refractive_index=refractive_index,
     )
-    rgb = render_sheet(orientation.orientation_rad, period.period_um, lighting, pixel_mm=pixel_mm)
+    sheet = Sheet(
+        orientation.orientation_rad,
+        period.period_um,
+        pixel_mm,
+        (tiles[0], tiles[1]),
+        None if bumps is None else _slopes(bumps),
+    )
+    if view == "rectified":
+        seen = rectified_view(sheet, lighting.camera_mm, size_px)
+    else:
+        seen = camera_view(sheet, lighting.camera_mm, target_mm, up, field_of_view_deg, size_px)
+    rgb = render_sheet(
+        sheet,
+        seen,
+        lighting,
+        evaluator=evaluator,
+        sampling=automatic_sampling(sheet, seen, lighting, samples=samples, tolerance=tolerance)
+        if anti_aliased
+        else POINTS,
+        tolerance=tolerance,
+        together=together,
+    )
     return PictureSeries(
         rgb=rgb / white_level(rgb, white_percentile),
         light_mm=lighting.lights_mm,
         camera_mm=lighting.camera_mm,
-        pixel_mm=pixel_mm,
+        pixel_mm=float(seen.homography[0, 0]) if view == "rectified" else None,
         caption=caption,
+        together=together,
     )
+
+
+def _slopes(bumps: HeightField) -> Bumps:
+    missing = int(np.count_nonzero(~np.isfinite(bumps.height_um)))
+    if missing:
+        raise InputError(f"{missing} heights of the bumps are not known", expected="align.despiked, which fills gaps")
+    if min(bumps.height_um.shape) < 2:
+        raise InputError("bumps of a single row or column have no slopes")
+    slopes = slopes_of(bumps.height_um, bumps.pitch_um, periodic=bumps.periodic)
+    return Bumps(slopes, bumps.pitch_um / 1000, bumps.periodic)
 
 
 def _check_point_light(
@@ -126,6 +204,14 @@ def _check_point_light(
     wavelength_step_nm: float,
     depth_um: float,
     width_mm: float,
+    tiles: list[int],
+    target_mm: list[float],
+    up: list[float],
+    field_of_view_deg: float | None,
+    size_px: list[int] | None,
+    refractive_index: float | None,
+    samples: int | None,
+    tolerance: float,
     white_percentile: float,
     **_: object,
 ) -> None:
@@ -134,6 +220,14 @@ def _check_point_light(
         zero_or_more(depth_um=depth_um),
         above_zero(width_mm=width_mm),
         above_zero_up_to(100, white_percentile=white_percentile),
+        within(1e-4, 0.5, tolerance=tolerance),
+        [] if refractive_index is None else at_least(1.01, "denser than air", refractive_index=refractive_index),
+        within(1, MOST_SAMPLES, samples=samples),
+        above_zero_up_to(WIDEST_VIEW_DEG, field_of_view_deg=field_of_view_deg),
+        unusable_counts("tiles", tiles, "[columns, rows] of tiles, whole numbers from 1"),
+        []
+        if size_px is None
+        else unusable_counts("size_px", size_px, "[columns, rows] in pixels, whole numbers from 1"),
     )
     check_lighting(
         lights_mm=lights_mm,
@@ -142,3 +236,4 @@ def _check_point_light(
         coherence_um=coherence_um,
         wavelength_step_nm=wavelength_step_nm,
     )
+    refuse(blind_camera(camera_mm, target_mm, up))

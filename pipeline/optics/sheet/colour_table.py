@@ -1,0 +1,169 @@
+"""The colour of an order as a table: its integral over the spectrum, made once for a light, a depth and a window.
+
+Order m sends ``lambda_m = a u / m`` to the eye, and its integral over the spectrum is one around that wavelength, by a
+Gaussian of width ``s / m``, with ``s = a sqrt(var)`` and var the variance of the lobe along u. What is left to each
+pixel is the lobe across, and a look-up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.optics.colour import FIRST_NM, LAST_NM, Spectrum, white_balanced_weights
+from pipeline.optics.gratings import Form, efficiencies, highest_order, window_spread
+from pipeline.optics.sheet.extent import Extent
+
+Float32Array = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+
+REACH = 4.0
+MIDDLE_UM = 0.55
+_COLOUR_UM = 0.025
+"""Width of what is narrowest in the eye's response."""
+_NEGLIGIBLE = 1e-3
+_MOST_NODES = 4096
+_FINEST_NM, _COARSEST_NM = 0.1, 1.0
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Evenly spaced nodes."""
+
+    low: float
+    high: float
+    count: int
+
+    @property
+    def nodes(self) -> Float64Array:
+        """All of them."""
+        return np.linspace(self.low, self.high, self.count)
+
+    @property
+    def per_unit(self) -> float:
+        """Nodes in a unit."""
+        return (self.count - 1) / (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class ColourTable:
+    """Colours of orders, to be interpolated.
+
+    Attributes
+    ----------
+    orders : ndarray of shape (M, W, S, P, 4), float32
+        Linear sRGB and a zero, of orders 1 to M, over ``w``, ``s`` and ``lambda_m``.
+    zeroth : ndarray of shape (W, E, R, 4), float32
+        Of order 0 over ``w``, the standard deviation that light and pixel add to the lobe, and the distance from the
+        middle in standard deviations at 550 nm.
+    w, s_um, wavelength_um, added, distance : Axis
+        Nodes of both.
+    spread_per_um : float
+        Standard deviation of an order through the coherence window over the wavelength.
+    normal_reflectance : float
+        At normal incidence, for Schlick's reflectance relative to it; 1 for a mirror.
+    """
+
+    orders: Float32Array
+    zeroth: Float32Array
+    w: Axis
+    s_um: Axis
+    wavelength_um: Axis
+    added: Axis
+    distance: Axis
+    spread_per_um: float
+    normal_reflectance: float
+
+    def __str__(self) -> str:
+        size = " x ".join(str(count) for count in self.orders.shape[:-1])
+        return f"{size} nodes (orders, w, width, wavelength), {self.orders.nbytes / 2**20:.2g} MiB"
+
+
+def colour_table(
+    occurring: Extent,
+    *,
+    light: Spectrum,
+    coherence_um: float,
+    depth_um: float,
+    periods_um: tuple[float, float],
+    orders: Form = "exact",
+    tolerance: float = 0.01,
+    normal_reflectance: float = 1.0,
+) -> ColourTable:
+    """Tabulate colours as finely as a tolerance needs, for what occurs in some pictures.
+
+    Parameters
+    ----------
+    occurring : Extent
+        Limits of the half vector and of the lobes' widths.
+    light : str
+        Spectrum of the light.
+    coherence_um, depth_um : float
+        Width of the coherence window, and depth of the gratings from crest to trough.
+    periods_um : tuple of float
+        The shortest and the longest.
+    orders : {"exact", "second order"}
+        Form of the orders' shares.
+    tolerance : float
+        Error of a colour, relative to the brightest of its order, that interpolation may make.
+    normal_reflectance : float
+        See :class:`ColourTable`.
+    """
+    per_um = float(window_spread(1.0, coherence_um))
+    first, last = FIRST_NM / 1000, LAST_NM / 1000
+    least, most = occurring.light_variance[0], occurring.light_variance[1] + occurring.pixel_variance
+    narrow = periods_um[0] * float(np.hypot(per_um * first, np.sqrt(least)))
+    wide = periods_um[1] * float(np.hypot(per_um * last, np.sqrt(most)))
+    highest = highest_order(periods_um[1], first, occurring.across)
+    # Straight lines between nodes err by h^2 / 8 of the second derivative; a quarter of the tolerance for each axis.
+    part = np.sqrt(2 * tolerance)
+    wavelength = _axis(max(first - REACH * wide, 0.05), last + REACH * wide, part * _COLOUR_UM)
+    s = _axis(narrow, wide, part * _COLOUR_UM)
+    w = _axis(*occurring.w, part * 2 * first / (2 * np.pi * max(depth_um, 1e-6)))
+    added = _axis(np.sqrt(least), np.sqrt(most), part * 2 * per_um * MIDDLE_UM)
+    distance = _axis(0.0, REACH * last / MIDDLE_UM, part)
+    step = float(np.clip(600 * narrow / highest, _FINEST_NM, _COARSEST_NM))
+    sampled_nm, weights = white_balanced_weights(light, step)
+    sampled = sampled_nm / 1000
+    colour = weights * (MIDDLE_UM * per_um) ** 2
+    shares = efficiencies(
+        orders, np.arange(highest + 1)[:, None, None], 2 * np.pi / sampled * w.nodes[:, None] * depth_um
+    )
+    brightest = shares.max(axis=(1, 2))
+    seen = np.flatnonzero(brightest[1:] > _NEGLIGIBLE * tolerance * brightest[1:].max())
+    count = int(seen[-1]) + 1 if seen.size else 1
+    table = np.zeros((count, w.count, s.count, wavelength.count, 4), np.float32)
+    for j, width in enumerate(s.nodes):
+        away = (wavelength.nodes[:, None] - sampled) / width
+        for m in range(1, count + 1):
+            lobe = np.exp(-0.5 * (m * away) ** 2)
+            table[m - 1, :, j, :, :3] = lobe @ (shares[m, :, :, None] * colour)
+    return ColourTable(
+        orders=table,
+        zeroth=_zeroth(shares[0], colour, sampled, per_um, added, distance),
+        w=w,
+        s_um=s,
+        wavelength_um=wavelength,
+        added=added,
+        distance=distance,
+        spread_per_um=per_um,
+        normal_reflectance=normal_reflectance,
+    )
+
+
+def _zeroth(
+    share: Float64Array, colour: Float64Array, sampled: Float64Array, per_um: float, added: Axis, distance: Axis
+) -> Float32Array:
+    table = np.zeros((len(share), added.count, distance.count, 4), np.float32)
+    for j, more in enumerate(added.nodes):
+        relative = ((per_um * MIDDLE_UM) ** 2 + more**2) / ((per_um * sampled) ** 2 + more**2)
+        lobe = relative * np.exp(-0.5 * distance.nodes[:, None] ** 2 * relative)
+        table[:, j, :, :3] = lobe @ (share[:, :, None] * colour)
+    return table
+
+
+def _axis(low: float, high: float, step: float) -> Axis:
+    high = max(high, low * (1 + 1e-6) + 1e-9)
+    return Axis(float(low), float(high), int(np.clip(np.ceil((high - low) / step) + 1, 2, _MOST_NODES)))

@@ -1,0 +1,1 @@
+"""Stages that change maps to a designer's wish."""
