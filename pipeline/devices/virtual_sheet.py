@@ -91,6 +91,20 @@ def automatic_sampling(
     sheet: Sheet, view: View, lighting: Lighting, *, samples: int | None, tolerance: float
 ) -> Sampling:
     """A point for each point of the maps that a pixel shows, and lobes averaged where they change within it."""
+    samples = automatic_samples(sheet, view, samples)
+    occurring = _extents(sheet, view, lighting, 1 / samples)
+    narrowest = window_spread(_SHORTEST_UM, lighting.coherence_um) ** 2 + occurring.light_variance[0]
+    if occurring.pixel_variance < tolerance * narrowest:
+        return Sampling(samples, 0.0)
+    _log.info(
+        "Lobes change within a pixel, by up to %.2g of their width, and are averaged over it.",
+        np.sqrt(12 * occurring.pixel_variance / narrowest),
+    )
+    return Sampling(samples, 1 / samples)
+
+
+def automatic_samples(sheet: Sheet, view: View, samples: int | None) -> int:
+    """Points along a pixel's side: as many as are asked for, or points of the maps that it shows."""
     if samples is None:
         wanted = max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01)))
         samples = min(wanted, MOST_SAMPLES)
@@ -102,15 +116,7 @@ def automatic_sampling(
             )
         elif samples > 1:
             _log.info("Each pixel is the mean of %d x %d points of the maps.", samples, samples)
-    occurring = _extents(sheet, view, lighting, 1 / samples)
-    narrowest = window_spread(_SHORTEST_UM, lighting.coherence_um) ** 2 + occurring.light_variance[0]
-    if occurring.pixel_variance < tolerance * narrowest:
-        return Sampling(samples, 0.0)
-    _log.info(
-        "Lobes change within a pixel, by up to %.2g of their width, and are averaged over it.",
-        np.sqrt(12 * occurring.pixel_variance / narrowest),
-    )
-    return Sampling(samples, 1 / samples)
+    return samples
 
 
 def render_sheet(
@@ -145,7 +151,7 @@ def render_sheet(
     add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance)
     steps = count * sampling.samples**2
     done = 0
-    for sample in _offsets(sampling.samples):
+    for sample in offsets(sampling.samples):
         paint = add(view.moved(*sample))
         for index, light in enumerate(lighting.lights_mm):
             paint(rgb[0 if together else index], light)
@@ -183,7 +189,7 @@ def _chosen(
 
 def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> Paint:
     planes = sheet.laid(np.stack([sheet.orientation_rad, sheet.period_um]).astype(np.float32))
-    (orientation, period), slopes = _shown(planes, view), _slopes(sheet, view)
+    (orientation, period), slopes = shown(planes, view), shown_slopes(sheet, view)
 
     def paint(picture: Image, light_mm: NDArray[np.float64]) -> None:
         add_light(picture, orientation, period, view, light_mm, lighting, slopes=slopes, pixel_part=pixel_part)
@@ -194,7 +200,7 @@ def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> 
 def _looked_up(
     sheet: Sheet, planes: Tiled, view: View, lighting: Lighting, pixel_part: float, table: ColourTable
 ) -> Paint:
-    gratings, slopes = _shown(planes, view), _slopes(sheet, view)
+    gratings, slopes = shown(planes, view), shown_slopes(sheet, view)
 
     def paint(picture: Image, light_mm: NDArray[np.float64]) -> None:
         def shade(first: int, last: int) -> None:
@@ -249,7 +255,7 @@ def _error(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tabl
 
 
 def _extents(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> Extent:
-    slopes = _slopes(sheet, view)
+    slopes = shown_slopes(sheet, view)
     return reduce(
         or_,
         (
@@ -259,13 +265,15 @@ def _extents(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) ->
     )
 
 
-def _shown(maps: Tiled, view: View) -> Image:
+def shown(maps: Tiled, view: View) -> Image:
+    """What each pixel of a view shows of maps, shape (K, rows, columns); NaN beside the sheet."""
     out = np.empty((len(maps.planes), view.rows, view.columns), np.float32)
     over_rows(lambda first, last: sample_rows(maps, view, out, (first, last)), view.rows)
     return out
 
 
-def _slopes(sheet: Sheet, view: View) -> Image | None:
+def shown_slopes(sheet: Sheet, view: View) -> Image | None:
+    """Slopes of the sheet in each pixel of a view, shape (2, rows, columns); None of a flat one."""
     bumps = sheet.bumps
     if bumps is None:
         return None
@@ -283,7 +291,8 @@ def _pixel_mm(sheet: Sheet, view: View) -> float:
     return float(np.median(np.maximum(*sides))) if seen.any() else 0.0
 
 
-def _offsets(samples: int) -> Iterator[tuple[float, float]]:
+def offsets(samples: int) -> Iterator[tuple[float, float]]:
+    """Places of points within a pixel, to the right and down from its middle, in pixels."""
     places = (np.arange(samples) + 0.5) / samples - 0.5
     for down in places:
         for across in places:
