@@ -5,18 +5,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from pipeline.devices.virtual_light import Image
 from pipeline.devices.virtual_sheet import Sheet, offsets, shown, shown_slopes
-from pipeline.optics.environment import delta, ordered, window
+from pipeline.optics.environment import delta, ordered, separated, window
 from pipeline.optics.environment.area_map import AreaMap, area_map
 from pipeline.optics.environment.ordered import LookUps
 from pipeline.optics.environment.probe import Probe
 from pipeline.optics.gratings import Form
-from pipeline.optics.sheet.maps import Tiled, prepared_gratings
+from pipeline.optics.sheet.maps import prepared_gratings
 from pipeline.optics.sheet.view import View
 from pipeline.parallel import over_rows
 from pipeline.progress import advance
@@ -29,7 +30,15 @@ _WORTH_CHOOSING = 20_000
 """Pixels below which the reference is done before look-ups would be chosen."""
 _CHECKED = 96
 """Pixels along a side of the picture on which look-ups are chosen."""
+_RANKED = 48
+"""Those on which each look-up's importance is measured."""
 _TILE = 8
+_SPENT_ON_STEPS = 0.7
+"""Share of the tolerance that coarse wavelengths may use up; the rest is for look-ups that are left out."""
+_APART_TEXELS = 0.3
+"""Between nodes, at a tolerance of 0.01."""
+_WORTH_NODES = 0.5
+_MOST_NODES = 30_000_000
 
 _log = logging.getLogger(__name__)
 
@@ -96,124 +105,201 @@ def render_in_environment(
     rgb = np.zeros((view.rows, view.columns, 3), np.float32)
     if not np.isfinite(sheet.period_um).any():
         return rgb
-    paint = _chosen(sheet, view, probe, gratings, evaluator, wavelength_step_nm, tolerance)
+    paint = _chosen(_Scene(sheet, view, probe, gratings, samples, tolerance), evaluator, wavelength_step_nm)
     planes = sheet.laid(prepared_gratings(sheet.orientation_rad, sheet.period_um))
     for done, offset in enumerate(offsets(samples)):
-        _painted(rgb, paint, planes, sheet, view.moved(*offset))
+        moved = view.moved(*offset)
+        grid, slopes = shown(planes, moved), shown_slopes(sheet, moved)
+        over_rows(partial(_rows, paint, rgb, grid, moved, slopes), view.rows, tile=_TILE)
         advance(done + 1, samples**2)
     rgb /= np.float32(samples**2)
     return rgb
 
 
-def _painted(rgb: Image, paint: Paint, planes: Tiled, sheet: Sheet, view: View) -> None:
-    gratings, slopes = shown(planes, view), shown_slopes(sheet, view)
-    over_rows(lambda first, last: paint(rgb, (first, last), gratings, view, slopes), view.rows, tile=_TILE)
+def _rows(paint: Paint, rgb: Image, grid: Image, view: View, slopes: Image | None, first: int, last: int) -> None:
+    paint(rgb, (first, last), grid, view, slopes)
 
 
-def _chosen(
-    sheet: Sheet,
-    view: View,
-    probe: Probe,
-    gratings: Gratings,
-    evaluator: Evaluator,
-    wavelength_step_nm: float | None,
-    tolerance: float,
-) -> Paint:
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """All that an evaluator is chosen for."""
+
+    sheet: Sheet
+    view: View
+    probe: Probe
+    gratings: Gratings
+    samples: int
+    tolerance: float
+
+    @property
+    def periods_um(self) -> tuple[float, float]:
+        """The shortest and the longest."""
+        return float(np.nanmin(self.sheet.period_um)), float(np.nanmax(self.sheet.period_um))
+
+    @property
+    def points(self) -> int:
+        """For which radiance is needed."""
+        return self.view.rows * self.view.columns * self.samples**2
+
+    def orders(self, step_nm: float) -> delta.Orders:
+        """Of the sheet's gratings."""
+        return delta.tabulated_orders(
+            wavelength_step_nm=step_nm,
+            depth_um=self.gratings.depth_um,
+            longest_period_um=self.periods_um[1],
+            form=self.gratings.form,
+            normal_reflectance=self.gratings.normal_reflectance,
+        )
+
+    def some(self, side: int) -> _Part:
+        """What some of its pixels show, at most ``side`` of them along a side."""
+        few = self.view.thinned(max(1, -(-max(self.view.rows, self.view.columns) // side)))
+        planes = self.sheet.laid(prepared_gratings(self.sheet.orientation_rad, self.sheet.period_um))
+        return _Part(few, shown(planes, few), shown_slopes(self.sheet, few))
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A few pixels, on which evaluators are tried."""
+
+    view: View
+    gratings: Image
+    slopes: Image | None
+
+    def painted(self, paint: Paint) -> Image:
+        """What they show."""
+        rgb = np.zeros((self.view.rows, self.view.columns, 3), np.float32)
+        over_rows(partial(_rows, paint, rgb, self.gratings, self.view, self.slopes), self.view.rows, tile=_TILE)
+        return rgb
+
+
+def _chosen(scene: _Scene, evaluator: Evaluator, wavelength_step_nm: float | None) -> Paint:
     """What paints rows, by the evaluator that is asked for, or that pays."""
     if evaluator == "auto":
-        evaluator = "reference" if view.rows * view.columns < _WORTH_CHOOSING else "ordered"
-        _log.info("%s pixels: evaluator %s.", view.rows * view.columns, evaluator)
-    if evaluator == "ordered":
-        return _ordered(sheet, view, probe, gratings, wavelength_step_nm, tolerance)
-    orders = _orders(sheet, gratings, wavelength_step_nm or FINE_NM)
+        evaluator = "reference" if scene.points < _WORTH_CHOOSING else "low_rank" if _many(scene) else "ordered"
+        _log.info("Evaluator %s, for %d points of the sheet.", evaluator, scene.points)
     if evaluator == "brute":
-        return _brute(sheet, probe, gratings, orders)
-    return _reference(probe, orders)
+        return _brute(scene, wavelength_step_nm or FINE_NM)
+    if evaluator == "reference":
+        return _reference(scene, wavelength_step_nm or FINE_NM)
+    area = area_map(scene.probe, all_around=scene.sheet.bumps is not None)
+    look_ups = _most_important(scene, area, wavelength_step_nm)
+    if evaluator == "ordered":
+        return _looking_up(scene, area, look_ups)
+    if scene.sheet.bumps is not None:
+        _log.warning("A sheet with bumps has no low rank: its look-ups are ordered.")
+        return _looking_up(scene, area, look_ups)
+    return _separated(scene, area, look_ups)
 
 
-def _reference(probe: Probe, orders: delta.Orders) -> Paint:
-    def paint(rgb: Image, span: Span, shown_: Image, view: View, slopes: Image | None) -> None:
-        delta.shade_rows(rgb, span, shown_, view=view, probe=probe, orders=orders, slopes=slopes)
+def _reference(scene: _Scene, step_nm: float) -> Paint:
+    orders = scene.orders(step_nm)
+
+    def paint(rgb: Image, span: Span, gratings: Image, view: View, slopes: Image | None) -> None:
+        delta.shade_rows(rgb, span, gratings, view=view, probe=scene.probe, orders=orders, slopes=slopes)
 
     return paint
 
 
-def _brute(sheet: Sheet, probe: Probe, gratings: Gratings, orders: delta.Orders) -> Paint:
+def _brute(scene: _Scene, step_nm: float) -> Paint:
+    orders, coherence_um = scene.orders(step_nm), scene.gratings.coherence_um
     lights = window.lights_of(
-        probe, gratings.coherence_um, float(orders.wavelength_um[0]), all_around=sheet.bumps is not None
+        scene.probe, coherence_um, float(orders.wavelength_um[0]), all_around=scene.sheet.bumps is not None
     )
     _log.info("The probe is summed as %d distant lights.", len(lights.rgb))
 
-    def paint(rgb: Image, span: Span, shown_: Image, view: View, slopes: Image | None) -> None:
+    def paint(rgb: Image, span: Span, gratings: Image, view: View, slopes: Image | None) -> None:
         window.shade_rows(
-            rgb,
-            span,
-            shown_,
-            view=view,
-            lights=lights,
-            orders=orders,
-            coherence_um=gratings.coherence_um,
-            slopes=slopes,
+            rgb, span, gratings, view=view, lights=lights, orders=orders, coherence_um=coherence_um, slopes=slopes
         )
 
     return paint
 
 
-def _looking_up(probe: Probe, area: AreaMap, look_ups: LookUps) -> Paint:
-    def paint(rgb: Image, span: Span, shown_: Image, view: View, slopes: Image | None) -> None:
-        ordered.shade_rows(rgb, span, shown_, view=view, probe=probe, map_=area, look_ups=look_ups, slopes=slopes)
+def _looking_up(scene: _Scene, area: AreaMap, look_ups: LookUps) -> Paint:
+    def paint(rgb: Image, span: Span, gratings: Image, view: View, slopes: Image | None) -> None:
+        ordered.shade_rows(
+            rgb, span, gratings, view=view, probe=scene.probe, map_=area, look_ups=look_ups, slopes=slopes
+        )
 
     return paint
 
 
-def _ordered(
-    sheet: Sheet, view: View, probe: Probe, gratings: Gratings, wavelength_step_nm: float | None, tolerance: float
-) -> Paint:
+def _most_important(scene: _Scene, area: AreaMap, wavelength_step_nm: float | None) -> LookUps:
     """The coarsest wavelengths and the fewest look-ups that keep the tolerance on some of the pixels."""
-    few = view.thinned(max(1, -(-max(view.rows, view.columns) // _CHECKED)))
-    planes = sheet.laid(prepared_gratings(sheet.orientation_rad, sheet.period_um))
-
-    def tried(paint: Paint) -> Image:
-        rgb = np.zeros((few.rows, few.columns, 3), np.float32)
-        _painted(rgb, paint, planes, sheet, few)
-        return rgb
-
-    exact = tried(_reference(probe, _orders(sheet, gratings, FINE_NM)))
-    area = area_map(probe, all_around=sheet.bumps is not None)
-    period = float(np.nanmedian(sheet.period_um))
-    steps = STEPS_NM if wavelength_step_nm is None else (wavelength_step_nm,)
-    for step in steps:
-        every = ordered.all_look_ups(_orders(sheet, gratings, step), area, period)
-        error = _error(tried(_looking_up(probe, area, every)), exact)
-        if error <= 0.7 * tolerance:
+    checked, tolerance = scene.some(_CHECKED), scene.tolerance
+    exact = checked.painted(_reference(scene, FINE_NM))
+    period = float(np.nanmedian(scene.sheet.period_um))
+    for step in STEPS_NM if wavelength_step_nm is None else (wavelength_step_nm,):
+        every = ordered.all_look_ups(scene.orders(step), area, period)
+        if _error(checked.painted(_looking_up(scene, area, every)), exact) <= _SPENT_ON_STEPS * tolerance:
             break
-    each = np.array(
-        [
-            np.abs(tried(_looking_up(probe, area, every.picked(np.array([k])).without_zeroth()))).max(axis=-1)
-            for k in range(len(every))
-        ]
+    ranked = scene.some(_RANKED)
+    each = np.zeros((len(every), ranked.view.rows, ranked.view.columns, 3), np.float32)
+    for k, rgb in enumerate(each):
+        one = _looking_up(scene, area, every.picked(np.array([k])).without_zeroth())
+        one(rgb, (0, len(rgb)), ranked.gratings, ranked.view, ranked.slopes)
+    by_importance = np.argsort(-each.max(axis=(1, 2, 3)), kind="stable")
+    left_out = np.cumsum(each[by_importance[::-1]], axis=0)[::-1].max(axis=(1, 2, 3))
+    needed = left_out > (1 - _SPENT_ON_STEPS) * tolerance * float(exact.max())
+    look_ups = every.picked(np.sort(by_importance[: int(np.count_nonzero(needed))]))
+    _tell(
+        f"{len(look_ups)} of {len(every)} look-ups, every {step:g} nm, the most important first,",
+        _error(checked.painted(_looking_up(scene, area, look_ups)), exact),
+        tolerance,
     )
-    by_importance = np.argsort(-each.max(axis=(1, 2)), kind="stable")
-    left_out = np.cumsum(each[by_importance][::-1], axis=0)[::-1].max(axis=(1, 2)) / max(float(exact.max()), 1e-30)
-    count = int(np.count_nonzero(left_out > 0.3 * tolerance))
-    look_ups = every.picked(np.sort(by_importance[:count]))
-    error = _error(tried(_looking_up(probe, area, look_ups)), exact)
-    told = (
-        f"{count} of {len(every)} look-ups every {step:g} nm, the most important first; "
-        f"they differ from the reference by up to {100 * error:.2g} percent of the largest value "
-        f"on all but a thousandth of some pixels"
-    )
-    (_log.info if error <= tolerance else _log.warning)("%s.", told)
-    return _looking_up(probe, area, look_ups)
+    return look_ups
 
 
-def _orders(sheet: Sheet, gratings: Gratings, step_nm: float) -> delta.Orders:
-    return delta.tabulated_orders(
-        wavelength_step_nm=step_nm,
-        depth_um=gratings.depth_um,
-        longest_period_um=float(np.nanmax(sheet.period_um)),
-        form=gratings.form,
-        normal_reflectance=gratings.normal_reflectance,
+def _nodes(scene: _Scene) -> separated.Nodes:
+    apart = _APART_TEXELS * scene.probe.texel_rad * np.sqrt(scene.tolerance / 0.01)
+    return separated.nodes_of(scene.view, scene.periods_um, float(apart))
+
+
+def _many(scene: _Scene) -> bool:
+    return scene.sheet.bumps is None and len(_nodes(scene)) < _WORTH_NODES * scene.points
+
+
+def _separated(scene: _Scene, area: AreaMap, look_ups: LookUps) -> Paint:
+    nodes = _nodes(scene)
+    if len(nodes) > min(scene.points, _MOST_NODES):
+        _log.warning("%s would be more work than all %d points: look-ups are ordered.", nodes, scene.points)
+        return _looking_up(scene, area, look_ups)
+    diffracted = _looking_up(scene, area, look_ups.without_zeroth())
+    mirrored = _looking_up(scene, area, look_ups.picked(np.array([], np.int64)))
+
+    def at_nodes(rgb: Image, gratings: Image, view: View) -> None:
+        over_rows(partial(_rows, diffracted, rgb, gratings, view, None), view.rows, tile=_TILE)
+
+    values = separated.worked_out(nodes, scene.view, at_nodes)
+    to_pixels = np.linalg.inv(scene.view.homography)
+
+    def paint(rgb: Image, span: Span, gratings: Image, view: View, slopes: Image | None) -> None:
+        mirrored(rgb, span, gratings, view, slopes)
+        moved = to_pixels @ view.homography
+        every, shift = moved[0, 0] / moved[2, 2], moved[:2, 2] / moved[2, 2]
+        separated.interpolate_rows(
+            rgb,
+            span,
+            gratings,
+            nodes=nodes,
+            values=values,
+            shift=(float(shift[0]), float(shift[1])),
+            every=float(every),
+        )
+
+    checked = scene.some(_CHECKED)
+    error = _error(checked.painted(paint), checked.painted(_reference(scene, FINE_NM)))
+    _tell(f"{nodes}, and what lies between them,", error, scene.tolerance)
+    return paint
+
+
+def _tell(what: str, error: float, tolerance: float) -> None:
+    _log.log(
+        logging.INFO if error <= tolerance else logging.WARNING,
+        "%s differ from the reference by up to %.2g percent of the largest value on all but a thousandth of pixels.",
+        what,
+        100 * error,
     )
 
 

@@ -29,9 +29,9 @@ def light_probe(value: LightProbe) -> list[Figure]:
         Figure(
             "light probe",
             Markup('<img alt="all directions" src="{}">').format(webp_uri(reduced(shown, most=PICTURE_PIXELS))),
-            f"{value.caption}{'. ' if value.caption else ''}{columns} × {rows} pixels, straight up at the top, "
-            f"straight behind the viewer in the middle, as seen from the sheet. White is {white:.3g}, the brightest value "
-            f"{float(value.rgb.max()):.3g}.",
+            f"{value.caption}{'. ' if value.caption else ''}{columns} × {rows} pixels, straight up on top, straight "
+            f"behind the viewer in the middle, as seen from the sheet. White is {white:.3g}, the brightest "
+            f"value {float(value.rgb.max()):.3g}.",
             wide=True,
         )
     ]

@@ -2,7 +2,7 @@
 
 A direction ``(x, y, z)`` of the sheet's frame lies at ``(x, y) / sqrt(1 + z)`` (Lambert's azimuthal projection): what
 is before the sheet within 1 of the middle, what is behind it within the square root of 2. It takes one square root to
-get there, and a mean over texels is one over solid angle.
+get there, and a mean over texels is one over solid angle, which is twice the area.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from pipeline.optics.environment.probe import Probe
 
 Float32Array = NDArray[np.float32]
 
-_FINEST, _MOST_TEXELS = 0.25, 2048
+_FINEST, _MOST_TEXELS = 0.3, 2048
 _MARGIN = 1.02
+_HALVED = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +38,8 @@ class AreaMap:
 
     @property
     def texel_rad(self) -> float:
-        """Side of the finest texels."""
-        return 2 * self.reach / len(self.levels[0])
+        """Angle across the finest texels, straight before the sheet."""
+        return float(np.sqrt(8.0) * self.reach / len(self.levels[0]))
 
 
 def area_map(probe: Probe, *, all_around: bool = False) -> AreaMap:
@@ -52,9 +53,9 @@ def area_map(probe: Probe, *, all_around: bool = False) -> AreaMap:
         Go beyond the horizon, for a sheet with bumps.
     """
     reach = float(np.sqrt(2.0)) if all_around else _MARGIN
-    size = int(min(_MOST_TEXELS, 2 * reach / (_FINEST * probe.texel_rad)))
-    size += -size % 8
-    points = max(1, int(np.ceil(2 * reach / size / probe.texel_rad)))
+    size = int(min(_MOST_TEXELS, np.sqrt(8.0) * reach / (_FINEST * probe.texel_rad)))
+    size += -size % _HALVED
+    points = max(1, int(np.ceil(np.sqrt(8.0) * reach / size / probe.texel_rad)))
     places = ((np.arange(size * points) + 0.5) / (size * points) * 2 - 1) * reach
     finest = np.zeros((size, size, 4), np.float32)
     for row in range(size):
@@ -64,8 +65,7 @@ def area_map(probe: Probe, *, all_around: bool = False) -> AreaMap:
         seen = probe.radiance(np.stack([x * scale, y * scale, 1 - square], axis=-1))
         finest[row, :, :3] = seen.reshape(points, size, points, 3).mean(axis=(0, 2))
     levels = [finest]
-    while len(levels[-1]) > 16:
-        last = levels[-1]
-        half = len(last) // 2
-        levels.append(np.ascontiguousarray(last[: 2 * half, : 2 * half].reshape(half, 2, half, 2, 4).mean(axis=(1, 3))))
+    while size // len(levels[-1]) < _HALVED:
+        half = len(levels[-1]) // 2
+        levels.append(levels[-1].reshape(half, 2, half, 2, 4).mean(axis=(1, 3)))
     return AreaMap(tuple(levels), reach)

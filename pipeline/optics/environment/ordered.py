@@ -19,8 +19,10 @@ Float64Array = NDArray[np.float64]
 
 _RUN = 128
 _NODES = 129
-_U, _V, _EYE, _INVERSE, _T, _B, _N, _PARTS = 0, 1, 2, 3, 4, 7, 10, 13
-_ROW, _COLUMN, _GAIN, _SHARE = range(4)
+_X, _Y, _KX, _KY, _EYE, _AXES, _PARTS = 0, 1, 2, 3, 4, 5, 14
+"""Of a pixel: where its mirror looks, the grating's lines per um along both axes of the sheet's own frame, the cosine
+towards the eye, and that frame."""
+_ROW, _COLUMN, _GAIN, _W, _FOUND = range(5)
 _NEAR_RIM = 16.0
 """Cells whose light is nearer to the horizon than this, in the square of its cosine, are averaged in closed form."""
 _f = np.float32
@@ -167,7 +169,7 @@ def _shade(
 ) -> None:
     columns = gratings.shape[2]
     pixel = np.empty((_PARTS, _RUN), np.float32)
-    found = np.empty((4, _RUN), np.float32)
+    found = np.empty((_FOUND, _RUN), np.float32)
     sums = np.empty((_RUN, 3), np.float32)
     which = np.empty(_RUN, np.int64)
     for row in range(first, last):
@@ -183,23 +185,26 @@ def _shade(
                 length = 1 / np.sqrt(ex * ex + ey * ey + ez * ez)
                 ex, ey, ez = ex * length, ey * length, ez * length
                 p, q = (0.0, 0.0) if flat else (float(slopes[0, row, column]), float(slopes[1, row, column]))
-                axes = frame(float(gratings[0, row, column]), float(gratings[1, row, column]), p, q)
+                axes = frame(1.0, 0.0, p, q)
                 cos_eye = ex * axes[6] + ey * axes[7] + ez * axes[8]
                 if cos_eye <= 0:
                     continue
-                u = -(ex * axes[0] + ey * axes[1] + ez * axes[2])
-                v = -(ex * axes[3] + ey * axes[4] + ez * axes[5])
-                pixel[_U, count], pixel[_V, count], pixel[_EYE, count] = u, v, cos_eye
-                pixel[_INVERSE, count] = 1 / gratings[2, row, column]
-                pixel[_T, count], pixel[_T + 1, count], pixel[_T + 2, count] = axes[0], axes[1], axes[2]
-                pixel[_B, count], pixel[_B + 1, count], pixel[_B + 2, count] = axes[3], axes[4], axes[5]
-                pixel[_N, count], pixel[_N + 1, count], pixel[_N + 2, count] = axes[6], axes[7], axes[8]
+                tangent = frame(float(gratings[0, row, column]), float(gratings[1, row, column]), p, q)
+                along = tangent[0] * axes[0] + tangent[1] * axes[1] + tangent[2] * axes[2]
+                across = tangent[0] * axes[3] + tangent[1] * axes[4] + tangent[2] * axes[5]
+                pixel[_X, count] = -(ex * axes[0] + ey * axes[1] + ez * axes[2])
+                pixel[_Y, count] = -(ex * axes[3] + ey * axes[4] + ez * axes[5])
+                lines = 1 / float(gratings[2, row, column])
+                pixel[_KX, count], pixel[_KY, count] = along * lines, across * lines
+                pixel[_EYE, count] = cos_eye
+                for i in range(9):
+                    pixel[_AXES + i, count] = axes[i]
                 which[count] = column
                 _mirrored(sums[count], pixel[:, count], probe, pose, zeroth, fresnel)
                 count += 1
             for k in range(order.size):
-                place_look_ups(found, pixel, count, order[k], wavelength[k], behind[k], ahead[k], fresnel, reach)
-                _fetch(sums, found, count, levels[level[k]], share[k], matrices[k], _f(0.5) / reach)
+                _diffract(found, pixel, count, order[k], wavelength[k], behind[k], ahead[k], fresnel)
+                _fetch(sums, found, pixel, count, flat, levels[level[k]], share[k], matrices[k], reach)
             for j in range(count):
                 for i in range(3):
                     rgb[row, which[j], i] += sums[j, i]
@@ -207,13 +212,13 @@ def _shade(
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _mirrored(out: Any, pixel: Any, probe: Any, pose: Any, zeroth: Any, fresnel: Any) -> None:
-    u, v, c = pixel[_U], pixel[_V], pixel[_EYE]
+    x, y, c, axes = pixel[_X], pixel[_Y], pixel[_EYE], pixel[_AXES:]
     r, g, b = look_up(
         probe,
         pose,
-        u * pixel[_T] + v * pixel[_B] + c * pixel[_N],
-        u * pixel[_T + 1] + v * pixel[_B + 1] + c * pixel[_N + 1],
-        u * pixel[_T + 2] + v * pixel[_B + 2] + c * pixel[_N + 2],
+        x * axes[0] + y * axes[3] + c * axes[6],
+        x * axes[1] + y * axes[4] + c * axes[7],
+        x * axes[2] + y * axes[5] + c * axes[8],
     )
     at = c * (zeroth.shape[0] - 1)
     node = min(int(at), zeroth.shape[0] - 2)
@@ -226,59 +231,68 @@ def _mirrored(out: Any, pixel: Any, probe: Any, pose: Any, zeroth: Any, fresnel:
 
 
 @njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc", "arcp"})
-def place_look_ups(
-    found: Any, pixel: Any, count: int, order: Any, wavelength: Any, behind: Any, ahead: Any, fresnel: Any, reach: Any
+def _diffract(
+    found: Any, pixel: Any, count: int, order: Any, wavelength: Any, behind: Any, ahead: Any, fresnel: Any
 ) -> None:
-    """Where a run of pixels looks up an order and a wavelength, and how much of it they take."""
+    """Where a run of pixels looks up an order and a wavelength, in the sheet's own frame, and how much they take."""
+    shift, reaches = order * wavelength, abs(order) * (behind + ahead) * _f(0.5)
+    x0, y0, kx, ky, eye = pixel[_X], pixel[_Y], pixel[_KX], pixel[_KY], pixel[_EYE]
     for j in range(count):
-        u0, v, cos_eye = pixel[_U, j], pixel[_V, j], pixel[_EYE, j]
-        slope = order * pixel[_INVERSE, j]
-        square = _f(1) - v * v
-        half = abs(slope) * (behind + ahead) * _f(0.5)
-        u = u0 + slope * wavelength
-        rim = np.sqrt(square)
-        u = min(max(u, -rim), rim)
-        height = max(square - u * u, _f(0))
-        cos_light = np.sqrt(height)
+        x, y, cos_eye = x0[j] + shift * kx[j], y0[j] + shift * ky[j], eye[j]
+        square = x * x + y * y
+        height = _f(1) - square
+        # Cells that reach over the horizon with an end stand for light from the horizon.
+        to_rim = _f(1) / np.sqrt(max(square, _f(1)))
+        x, y = x * to_rim, y * to_rim
+        cos_light = np.sqrt(max(height, _f(1e-12)))
         w = cos_light + cos_eye
-        between = cos_light * cos_eye - u * u0 - v * v
+        between = cos_light * cos_eye - x * x0[j] - y * y0[j]
         bend = _f(1) - np.sqrt(_f(0.5) * (_f(1) + between))
         twice = bend * bend
         gain = (_f(1) + between) / w
         gain *= gain * (_f(1) + fresnel * twice * twice * bend) / cos_eye
-        x = u * pixel[_T, j] + v * pixel[_B, j] + cos_light * pixel[_N, j]
-        y = u * pixel[_T + 1, j] + v * pixel[_B + 1, j] + cos_light * pixel[_N + 1, j]
-        z = u * pixel[_T + 2, j] + v * pixel[_B + 2, j] + cos_light * pixel[_N + 2, j]
-        scale = _f(1) / np.sqrt(max(_f(1) + z, _f(1e-6)))
-        found[_COLUMN, j], found[_ROW, j] = x * scale + reach, y * scale + reach
-        found[_SHARE, j] = w * _f(0.5 * (_NODES - 1))
-        far = height > _NEAR_RIM * (abs(u) + half) * half
+        half = reaches * np.sqrt(kx[j] * kx[j] + ky[j] * ky[j])
+        far = height > _f(_NEAR_RIM) * (_f(1) + half) * half
+        found[_COLUMN, j], found[_ROW, j], found[_W, j] = x, y, w
         found[_GAIN, j] = gain / cos_light if far else -gain
     for j in range(count):
         if found[_GAIN, j] < 0:
-            slope = order * pixel[_INVERSE, j]
-            rim = np.sqrt(_f(1) - pixel[_V, j] * pixel[_V, j])
-            low = pixel[_U, j] + slope * (wavelength - ahead)
-            high = pixel[_U, j] + slope * (wavelength + behind)
-            low, high = min(max(low / rim, _f(-1)), _f(1)), min(max(high / rim, _f(-1)), _f(1))
-            inverse = (np.arcsin(high) - np.arcsin(low)) / (slope * (behind + ahead))
-            found[_GAIN, j] = -found[_GAIN, j] * inverse
+            inverse = np.sqrt(kx[j] * kx[j] + ky[j] * ky[j])
+            u = (x0[j] * kx[j] + y0[j] * ky[j]) / inverse
+            v = (y0[j] * kx[j] - x0[j] * ky[j]) / inverse
+            rim = np.sqrt(_f(1) - v * v)
+            slope = order * inverse
+            low = min(max((u + slope * (wavelength - ahead)) / rim, _f(-1)), _f(1))
+            high = min(max((u + slope * (wavelength + behind)) / rim, _f(-1)), _f(1))
+            found[_GAIN, j] *= (np.arcsin(low) - np.arcsin(high)) / (slope * (behind + ahead))
 
 
 @njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc", "arcp"})
-def _fetch(sums: Any, found: Any, count: int, texels: Any, share: Any, matrix: Any, per_side: Any) -> None:
+def _fetch(
+    sums: Any, found: Any, pixel: Any, count: int, flat: bool, texels: Any, share: Any, matrix: Any, reach: Any
+) -> None:
     size = texels.shape[0]
-    scale = per_side * _f(size)
+    scale = _f(0.5) * _f(size) / reach
     last = _f(size) - _f(1.001)
     for j in range(count):
         gain = found[_GAIN, j]
         if gain == 0:
             continue
-        at = found[_SHARE, j]
+        at = found[_W, j] * _f(0.5 * (_NODES - 1))
         node = min(int(at), _NODES - 2)
         gain *= share[node] + (at - _f(node)) * (share[node + 1] - share[node])
-        row = min(max(found[_ROW, j] * scale - _f(0.5), _f(0)), last)
-        column = min(max(found[_COLUMN, j] * scale - _f(0.5), _f(0)), last)
+        x, y = found[_COLUMN, j], found[_ROW, j]
+        z = found[_W, j] - pixel[_EYE, j]
+        if not flat:
+            axes = pixel[_AXES:, j]
+            x, y, z = (
+                x * axes[0] + y * axes[3] + z * axes[6],
+                x * axes[1] + y * axes[4] + z * axes[7],
+                x * axes[2] + y * axes[5] + z * axes[8],
+            )
+        to_map = _f(1) / np.sqrt(max(_f(1) + z, _f(1e-6)))
+        row = min(max((y * to_map + reach) * scale - _f(0.5), _f(0)), last)
+        column = min(max((x * to_map + reach) * scale - _f(0.5), _f(0)), last)
         r, c = int(row), int(column)
         dr, dc = row - _f(r), column - _f(c)
         a, b = gain * (_f(1) - dr) * (_f(1) - dc), gain * (_f(1) - dr) * dc

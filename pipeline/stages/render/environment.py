@@ -90,7 +90,8 @@ def environment(
         ``reference``: all orders every 5 nm, in double precision. ``ordered``: only as many look-ups, the most
         important first, as the tolerance needs. ``low_rank``: from values at few directions of view, orientations and
         periods, where the sheet is flat. ``brute``: the sum over the whole probe of the BRDF with its Gaussian
-        coherence window, which takes milliseconds a pixel. ``auto`` takes the fastest that keeps the tolerance, and says which.
+        coherence window, which takes milliseconds a pixel. ``auto`` takes what is fast within the tolerance, and
+        says what.
     wavelength_step_nm : float, optional
         Step of the spectral sum; by default 5 nm, and where look-ups are ordered as many as the tolerance needs.
     orders : {"exact", "second order"}
