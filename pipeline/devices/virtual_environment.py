@@ -35,8 +35,8 @@ _RANKED = 48
 _TILE = 8
 _SPENT_ON_STEPS = 0.7
 """Share of the tolerance that coarse wavelengths may use up; the rest is for look-ups that are left out."""
-_APART_TEXELS = 0.3
-"""Between nodes, at a tolerance of 0.01."""
+_APART_TEXELS = 15.0
+"""Between nodes, times the tolerance: at edges of the probe the error grows with the distance."""
 _WORTH_NODES = 0.5
 _MOST_NODES = 30_000_000
 
@@ -175,7 +175,8 @@ class _Part:
 
 def _chosen(scene: _Scene, evaluator: Evaluator, wavelength_step_nm: float | None) -> Paint:
     """What paints rows, by the evaluator that is asked for, or that pays."""
-    if evaluator == "auto":
+    insists = evaluator != "auto"
+    if not insists:
         evaluator = "reference" if scene.points < _WORTH_CHOOSING else "low_rank" if _many(scene) else "ordered"
         _log.info("Evaluator %s, for %d points of the sheet.", evaluator, scene.points)
     if evaluator == "brute":
@@ -189,7 +190,7 @@ def _chosen(scene: _Scene, evaluator: Evaluator, wavelength_step_nm: float | Non
     if scene.sheet.bumps is not None:
         _log.warning("A sheet with bumps has no low rank: its look-ups are ordered.")
         return _looking_up(scene, area, look_ups)
-    return _separated(scene, area, look_ups)
+    return _separated(scene, area, look_ups, insists)
 
 
 def _reference(scene: _Scene, step_nm: float) -> Paint:
@@ -252,15 +253,15 @@ def _most_important(scene: _Scene, area: AreaMap, wavelength_step_nm: float | No
 
 
 def _nodes(scene: _Scene) -> separated.Nodes:
-    apart = _APART_TEXELS * scene.probe.texel_rad * np.sqrt(scene.tolerance / 0.01)
-    return separated.nodes_of(scene.view, scene.periods_um, float(apart))
+    apart = _APART_TEXELS * scene.tolerance * scene.probe.texel_rad
+    return separated.nodes_of(scene.view, scene.periods_um, apart)
 
 
 def _many(scene: _Scene) -> bool:
     return scene.sheet.bumps is None and len(_nodes(scene)) < _WORTH_NODES * scene.points
 
 
-def _separated(scene: _Scene, area: AreaMap, look_ups: LookUps) -> Paint:
+def _separated(scene: _Scene, area: AreaMap, look_ups: LookUps, insists: bool) -> Paint:
     nodes = _nodes(scene)
     if len(nodes) > min(scene.points, _MOST_NODES):
         _log.warning("%s would be more work than all %d points: look-ups are ordered.", nodes, scene.points)
@@ -290,6 +291,9 @@ def _separated(scene: _Scene, area: AreaMap, look_ups: LookUps) -> Paint:
 
     checked = scene.some(_CHECKED)
     error = _error(checked.painted(paint), checked.painted(_reference(scene, FINE_NM)))
+    if error > scene.tolerance and not insists:
+        _log.info("Between %s values would differ by %.2g percent: look-ups are ordered.", nodes, 100 * error)
+        return _looking_up(scene, area, look_ups)
     _tell(f"{nodes}, and what lies between them,", error, scene.tolerance)
     return paint
 

@@ -16,7 +16,7 @@ from pipeline.optics.environment.probe import Probe
 
 Float32Array = NDArray[np.float32]
 
-_FINEST, _MOST_TEXELS = 0.3, 2048
+_FINEST, _FEWEST_TEXELS, _MOST_TEXELS = 0.3, 768, 2048
 _MARGIN = 1.02
 _HALVED = 32
 
@@ -53,7 +53,7 @@ def area_map(probe: Probe, *, all_around: bool = False) -> AreaMap:
         Go beyond the horizon, for a sheet with bumps.
     """
     reach = float(np.sqrt(2.0)) if all_around else _MARGIN
-    size = int(min(_MOST_TEXELS, np.sqrt(8.0) * reach / (_FINEST * probe.texel_rad)))
+    size = int(np.clip(np.sqrt(8.0) * reach / (_FINEST * probe.texel_rad), _FEWEST_TEXELS, _MOST_TEXELS))
     size += -size % _HALVED
     points = max(1, int(np.ceil(np.sqrt(8.0) * reach / size / probe.texel_rad)))
     places = ((np.arange(size * points) + 0.5) / (size * points) * 2 - 1) * reach
