@@ -15,6 +15,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pipeline import report
 from pipeline.codebase.freshness import bring_up_to_date
 from pipeline.codebase.source import Sources
 from pipeline.errors import InputError, PipelineError
@@ -217,7 +218,7 @@ class Experiment:
             return None
         artifacts = {name: step.record.artifact for name, step in plan.steps.items() if step.record}
         same = artifacts == {n.name: n.artifact for n in run.nodes.values() if n.artifact}
-        if not same or run.failed or not run.report.is_file():
+        if not same or run.failed or not (run.report.is_file() and report.is_current(run.path)):
             return None
         run = replace(run, store=self.store)
         nodes = {
@@ -302,8 +303,6 @@ def carry_out(plan: Plan, store: Store, sources: Sources, executor: Executor, li
 
 def write_report(run: Run) -> None:
     """Write the files that a person opens."""
-    from pipeline import report
-
     report.write_outputs(run)
     report.write(run)
 

@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,6 +31,7 @@ optibench - a bench for optical-measurement experiments
   python -m pipeline bundle RUN FILE.zip                       all of a run in one file, to hand on
   python -m pipeline [-m] run RUN|BUNDLE [SETTING=VALUE ...]   run it again, changed or not, or swept
   python -m pipeline export RUN NODE FOLDER                    write a node's photographs as a folder to replay
+  python -m pipeline serve RUN [--port N]                      its report and files in a browser, on this machine only
   python -m pipeline debug RUN NODE                            run one stage again, under a debugger
   python -m pipeline clean [now]                               what no run needs any more; with now, remove it
 
@@ -38,6 +40,7 @@ options
   --config-dir DIR   a folder of your own experiments and rigs, laid out as configs/
   --json             print what differs as JSON (diff)
   --limit-gb N       let a bundle unpack to at most N GB (20)
+  --port N           where serve listens (8470; 0 for any that is free)
   -q, --quiet        print nothing but the place of the report, and errors
   -h, --help         this text
   --version          the version
@@ -70,6 +73,8 @@ class Line:
         Folders of YAML files besides ours.
     limit_gb : float or None
         What a bundle may unpack to.
+    port : int or None
+        Where to serve.
     """
 
     words: tuple[str, ...]
@@ -78,6 +83,7 @@ class Line:
     folders: tuple[Path, ...] = ()
     json: bool = False
     limit_gb: float | None = None
+    port: int | None = None
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -120,7 +126,7 @@ def _taken_apart(arguments: Sequence[str]) -> Line:
     words: list[str] = []
     folders: list[Path] = []
     flags: set[str] = set()
-    limit_gb = None
+    limit_gb = port = None
     waiting = list(arguments)
     while waiting:
         word = waiting.pop(0)
@@ -135,14 +141,16 @@ def _taken_apart(arguments: Sequence[str]) -> Line:
             flags.add("json")
         elif word == "--limit-gb" or word.startswith("--limit-gb="):
             limit_gb = _limit(word.partition("=")[2] or (waiting.pop(0) if waiting else ""))
+        elif word == "--port" or word.startswith("--port="):
+            port = _port(word.partition("=")[2] or (waiting.pop(0) if waiting else ""))
         elif word.startswith("-"):
-            known = ["--quiet", "--help", "--multirun", "--config-dir", "--version", "--json", "--limit-gb"]
+            known = ["--quiet", "--help", "--multirun", "--config-dir", "--version", "--json", "--limit-gb", "--port"]
             raise InputError(f"there is no option '{word}'", where="command line", hint=nearest(word, known))
         else:
             words.append(word)
     if not words:
         raise InputError("nothing is asked for", where="command line", expected="see python -m pipeline --help")
-    return Line(tuple(words), "q" in flags, "m" in flags, tuple(folders), "json" in flags, limit_gb)
+    return Line(tuple(words), "q" in flags, "m" in flags, tuple(folders), "json" in flags, limit_gb, port)
 
 
 def _limit(text: str) -> float:
@@ -152,6 +160,12 @@ def _limit(text: str) -> float:
     except ValueError:
         pass
     raise InputError(f"--limit-gb is {text!r}", where="command line", expected="a number of GB")
+
+
+def _port(text: str) -> int:
+    if text.isdecimal() and int(text) < 65536:
+        return int(text)
+    raise InputError(f"--port is {text!r}", where="command line", expected="0 to 65535")
 
 
 def _is_override(word: str) -> bool:
@@ -178,10 +192,26 @@ def _run(line: Line) -> int:
     if line.multirun:
         return _sweep(line)
     start = time.perf_counter()
-    experiment = Experiment.load(line.words, line.folders)
+    try:
+        experiment = Experiment.load(line.words, line.folders)
+    except InputError:
+        if _gives_a_study_several_values(line):
+            return _sweep(line)
+        raise
     if experiment.configuration.sweeps:
         return _sweep(line)
     return _carry_out(experiment, line, start)
+
+
+def _gives_a_study_several_values(line: Line) -> bool:
+    """Whether the experiment sweeps by itself, and words that one run would refuse say over what."""
+    from pipeline.bench import Experiment
+    from pipeline.graph.compose import is_sweep
+
+    others = [word for word in line.words if not is_sweep(word)]
+    with suppress(InputError, InputErrors):
+        return len(others) < len(line.words) and Experiment.load(others, line.folders).configuration.sweeps
+    return False
 
 
 def _rerun(line: Line) -> int:
@@ -343,6 +373,18 @@ def _debug(line: Line) -> int:
     return debug(Path(line.words[0]), line.words[1])
 
 
+def _serve(line: Line) -> int:
+    from pipeline.commands.serve import PORT, ReportServer
+
+    if len(line.words) != 1:
+        raise InputError("serve takes one run", where="command line", expected="serve RUN [--port N]")
+    port = PORT if line.port is None else line.port
+    with suppress(KeyboardInterrupt), ReportServer(Path(line.words[0]), port) as server:
+        print(f"{server.url}  until Ctrl-C; /outputs lists the files", flush=True)
+        server.serve_forever()
+    return 0
+
+
 def _to_stderr(line: Line) -> Callable[[str], None]:
     """Where to say what is neither a result nor an error."""
 
@@ -364,6 +406,7 @@ COMMANDS: dict[str, Callable[[Line], int]] = {
     "export": _export,
     "clean": _clean,
     "debug": _debug,
+    "serve": _serve,
 }
 
 TAKES_OVERRIDES = ("run", "why")

@@ -111,3 +111,16 @@ def test_list_and_show_know_the_stages(command: Command) -> None:
     assert "maps: PeriodMap" in out
     assert "mode: one of 'up', 'down' = 'up'" in out
     assert "gives PeriodMap" in out
+
+
+def test_a_study_takes_several_values_without_being_told_that_it_sweeps(command: Command, toys: Toys) -> None:
+    (toys.configs / "experiment" / "factors.yaml").write_text(
+        "# @package _global_\ndefaults: [toy, _self_]\n"
+        "hydra: {mode: MULTIRUN, sweeper: {params: {graph.big.factor: '2,3'}}}\n"
+    )
+    status, out, _ = command("+experiment=factors", "graph.big.factor=4,5,6")
+    assert status == 0
+    assert out.count(" done") == 3
+    status, _, err = command("+experiment=toy", "graph.big.factor=4,5,6")
+    assert status == 2
+    assert "'graph.big.factor' has several values" in err

@@ -25,7 +25,7 @@ def run(results: Path, experiment: str, *overrides: str) -> Run:
 def test_a_made_surface_diffracts_as_its_period_says(results: Path, surface: str) -> None:
     done = run(results, "diffraction_peaks", f"surface={surface}", *COARSE)
     assert done.metrics["period_um"] == pytest.approx(1.6 if surface == "cd" else 2.5, rel=1e-4)
-    assert done.metrics["peaks_percent"] == 100
+    assert done.metrics["peaks"] == len(done["fit"].wavelength_nm)
     assert {"fit.exr", "fit.csv", "fit_response.svg", "fit_period.svg"} <= {p.name for p in done.path.glob("outputs/*")}
 
 

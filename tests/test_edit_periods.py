@@ -11,6 +11,7 @@ import pytest
 import pipeline
 from pipeline.bench import Experiment
 from pipeline.errors import InputError, InputErrors
+from pipeline.graph.compose import compose
 from pipeline.graph.config import options
 from pipeline.optics.angles import axial_difference
 from pipeline.runs import Run
@@ -21,6 +22,8 @@ from pipeline.stages.simulate.circles import circles
 NEEDED = {
     "file": ["graph.orientation.file=map.npy", "graph.period.file=map.npy"],
     "run": ["graph.orientation.file=runs/x"],
+    "vector": ["graph.sample.file=design.svg"],
+    "picture": ["graph.sample.file=design.png"],
 }
 
 
@@ -34,7 +37,7 @@ def edited(tmp_path_factory: pytest.TempPathFactory) -> Run:
 def test_every_option_gives_the_two_maps(maps: str) -> None:
     nodes = Experiment.load(["+experiment=edit_periods", f"maps={maps}", *NEEDED.get(maps, [])]).graph.nodes
     assert (nodes["orientation"].entry.type, nodes["period"].entry.type) == ("OrientationMap", "PeriodMap")
-    assert ("sample" in nodes) == (maps not in NEEDED)
+    assert ("sample" in nodes) == (maps not in ("file", "run"))
 
 
 def test_the_files_of_maps_have_to_be_named() -> None:
@@ -47,6 +50,19 @@ def test_the_files_of_maps_have_to_be_named() -> None:
         Experiment.load(["+experiment=edit_periods", "maps=run"])
     with pytest.raises(InputError, match=r"there is no maps 'circle'\s[\s\S]*did you mean 'circles'"):
         Experiment.load(["+experiment=edit_periods", "maps=circle"])
+
+
+def test_a_study_may_ask_for_heat_maps_beside_the_group_of_that_name(tmp_path: Path) -> None:
+    (tmp_path / "experiment").mkdir()
+    study = "# @package _global_\ndefaults: [edit_periods, _self_]\nmaps: {rows: graph.sine.bins, metrics: [x]}\n"
+    (tmp_path / "experiment" / "study.yaml").write_text(study)
+    words = ["experiment=study", "maps=kinematic", "maps.columns=maps"]
+    asked = compose(words, [tmp_path])
+    assert asked.content["maps"] == {"rows": "graph.sine.bins", "columns": "maps", "metrics": ["x"]}
+    assert asked.content["graph"]["sample"]["stage"] == "simulate.kinematic_tile"
+    assert asked.where("maps.rows").endswith("study.yaml, line 3: maps.rows")
+    assert asked.where("maps.columns") == "override maps.columns=maps"
+    assert asked.where("graph.sample.stage").endswith("maps/kinematic.yaml, line 4: graph.sample.stage")
 
 
 def test_the_maps_are_the_drawn_ones(edited: Run) -> None:

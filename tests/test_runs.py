@@ -33,6 +33,20 @@ def test_figures_of_one_name_are_led_by_their_nodes_but_for_the_one_that_judges(
     }
 
 
+def test_a_report_of_another_version_is_drawn_anew(toys: Toys) -> None:
+    run = toys.run()
+    record = run.path / "outputs" / ".written.json"
+    for text in ('{"format": 1, "nodes": {}}', "torn"):
+        run.report.write_text("as it used to be")
+        record.parent.mkdir(exist_ok=True)
+        record.write_text(text)
+        assert toys.ran() == []
+        assert "as it used to be" not in run.report.read_text()
+    run.report.write_text("as it is")
+    toys.ran()
+    assert run.report.read_text() == "as it is"
+
+
 def test_values_are_read_only(toys: Toys) -> None:
     value = toys.run()["big"]
     with pytest.raises(ValueError, match="read-only"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ import pipeline.codebase.source
 import pipeline.graph.config
 from pipeline.bench import Experiment
 from pipeline.execution.outcome import Silent
+from pipeline.report import FORMAT, RECORD
 from pipeline.runs import Run
 
 HELPER = '''
@@ -273,4 +275,6 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Toys]:
 
 def _page(run: Run) -> Path:
     run.report.write_text("a page")
+    (run.path / "outputs").mkdir(exist_ok=True)
+    (run.path / "outputs" / RECORD).write_text(json.dumps({"format": FORMAT, "nodes": {}}))
     return run.report

@@ -24,7 +24,10 @@ def export_photos(run: Run, node: str, folder: Path) -> Path:
     value = run[node]
     if not isinstance(value, PolarizerSequence | PictureSeries):
         raise InputError(
-            f"node '{node}' gives {type(value).__name__}", where=str(run.path), expected="a node that gives photographs"
+            f"node '{node}' gives {type(value).__name__}",
+            where=str(run.path),
+            expected="a node that gives photographs",
+            hint="what is written of others lies in its folder outputs",
         )
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder} is not empty", expected="a new or empty folder")

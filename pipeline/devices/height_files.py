@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pipeline.data.height_fields import HeightField
 from pipeline.devices.instrument_files import read_instrument_file
 from pipeline.devices.photo_files import RAW_SUFFIXES, read_photo, readable_suffixes
+from pipeline.devices.single_precision import shortest
 from pipeline.errors import InputError, nearest
 from pipeline.optics.height_sampling import squared
 
@@ -120,7 +121,7 @@ def _of_picture(path: Path, told: MapDescription) -> tuple[NDArray[Any], float]:
             raise InputError(
                 f"{path.name} holds shares of a height that is not told",
                 where="full_height_um",
-                expected="full_height_um: height of full scale (grey 255 of 8 bits) over zero, in um",
+                expected="full_height_um: height of full scale (grey 255 of 8 bits, 65535 of 16) over zero, in um",
             )
         return image, _told_pitch(path, told, stated)
     return image.astype(np.float64) * told.full_height_um, _told_pitch(path, told, stated)
@@ -134,7 +135,7 @@ def _spec(path: Path) -> tuple[str, float | None]:
     source.close()
     kind = "float" if str(spec.format) in {"half", "float", "double"} else "integer"
     pitch = spec.get_float_attribute("pitch_um", 0.0)
-    return kind, float(str(np.float32(pitch))) if pitch > 0 else None
+    return kind, shortest(pitch) if pitch > 0 else None
 
 
 def _told_pitch(path: Path, told: MapDescription, stated: float | None = None) -> float:

@@ -59,6 +59,13 @@ def read_instrument_file(path: Path, channel: str = "") -> Scan:
             warnings.simplefilter("ignore")
             reader = open_topography(str(path))
             chosen = _chosen(reader, channel, path)
+            if chosen.physical_sizes is None:
+                raise InputError(
+                    f"{path.name} does not say how large its map is, nor in which unit",
+                    where=str(path),
+                    expected="an instrument's file with lengths",
+                    hint="np.save('map.npy', heights in um), and pitch_um",
+                )
             surface = chosen.topography()
     except CannotDetectFileFormat:
         right = "a picture, .npy, .gwy, .spm, .ibw, .nid, .x3p or another format that SurfaceTopography reads"

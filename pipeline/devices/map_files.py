@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenImageIO
 from numpy.typing import NDArray
 
 from pipeline.devices.photo_files import RAW_SUFFIXES, read_photo, readable_suffixes
+from pipeline.devices.single_precision import shortest
 from pipeline.errors import InputError, nearest
 
 Float32Array = NDArray[np.float32]
@@ -154,10 +154,5 @@ def _exr(path: Path, channel: str) -> MapFile:
         names = ", ".join(channels)
         raise InputError(f"{path.name} has the channels {names}", where=str(path), expected=f"a channel '{channel}'")
     values = channels.get(channel, pixels[..., 0])
-    numbers = {p.name: _short(p.value) for p in spec.extra_attribs if str(p.type) == "float"}
+    numbers = {p.name: shortest(p.value) for p in spec.extra_attribs if str(p.type) == "float"}
     return MapFile(values, False, channels if channel in channels else {}, numbers)
-
-
-def _short(value: Any) -> float:
-    """A number that a file keeps in single precision, as its shortest decimal: 0.03, not 0.029999999329447746."""
-    return float(str(np.float32(value)))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.photographs import Photo
 from pipeline.devices.file_extent import is_cut_short
+from pipeline.devices.single_precision import shortest
 from pipeline.errors import InputError, nearest
 from pipeline.optics.colour import LUMINANCE
 
@@ -147,7 +148,7 @@ def _read_plain(path: Path, linear: bool | None, saturation: float | None) -> Ph
         linear = path.suffix.lower() not in DISPLAY_SUFFIXES
     image, saturated = _to_linear(pixels[..., 0] if pixels.shape[-1] == 1 else pixels, linear, saturation)
     exposure = spec.get_float_attribute("ExposureTime", spec.get_float_attribute("Exif:ExposureTime", 0.0))
-    return Photo(image, saturated, _short(exposure) if exposure > 0 else None, _metadata(spec))
+    return Photo(image, saturated, shortest(exposure) if exposure > 0 else None, _metadata(spec))
 
 
 def _to_linear(pixels: NDArray[Any], linear: bool, saturation: float | None) -> tuple[FloatImage, NDArray[np.bool_]]:
@@ -238,7 +239,7 @@ def _read_raw(path: Path) -> Photo:
     }
     exposure = getattr(other, "shutter_speed", 0.0)
     known = {name: value for name, value in stated.items() if value not in ("", "0")}
-    return Photo(image, saturated, _short(exposure) if exposure > 0 else None, known)
+    return Photo(image, saturated, shortest(exposure) if exposure > 0 else None, known)
 
 
 def _tags_of_raw(path: Path) -> dict[str, str]:
@@ -251,11 +252,6 @@ def _tags_of_raw(path: Path) -> dict[str, str]:
         return _metadata(source.spec())
     finally:
         source.close()
-
-
-def _short(value: float) -> float:
-    """A number that a file keeps in single precision, as its shortest decimal: 0.005, not 0.004999999888241291."""
-    return float(str(np.float32(value)))
 
 
 def _reason(complaint: object, path: Path) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.devices.virtual_light import Image, Lighting, add_light, warn_of_aliasing, white_level
+from pipeline.errors import InputError
 from pipeline.optics.gratings import window_spread
 from pipeline.optics.sheet import tabulated
 from pipeline.optics.sheet.colour_table import ColourTable, colour_table
@@ -26,9 +27,10 @@ Evaluator = Literal["auto", "spectral", "tabulated"]
 
 _WORTH_A_TABLE = 200_000
 """Pixels and lights below which the sum is done before a table would be made and checked."""
-_CHECKED = 96
-"""Pixels along a side of the picture in which both evaluators are compared."""
+_CHECKED = 128
+"""Pixels along a side of the picture on which a choice is tried."""
 MOST_SAMPLES = 8
+_LIT = 0.01
 _SHORTEST_UM = 0.38
 
 _log = logging.getLogger(__name__)
@@ -90,17 +92,66 @@ POINTS = Sampling(1, 0.0)
 def automatic_sampling(
     sheet: Sheet, view: View, lighting: Lighting, *, samples: int | None, tolerance: float
 ) -> Sampling:
-    """A point for each point of the maps that a pixel shows, and lobes averaged where they change within it."""
-    samples = automatic_samples(sheet, view, samples)
+    """The least points to a pixel of which twice as many change little, and lobes averaged where they change within it.
+
+    Twice as many along a side are compared on some of the pixels, by the root mean square relative to white.
+    """
+    most = min(MOST_SAMPLES, max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01))))
+    if samples is None and most > 1 and np.isfinite(sheet.period_um).any():
+        samples, left = _enough_samples(sheet, view, lighting, most, tolerance)
+        tell = _log.info if left <= tolerance else _log.warning
+        tell(
+            "Each pixel is the mean of %d x %d points; twice as many along a side change it by %.2g percent of white.",
+            samples,
+            samples,
+            100 * left,
+        )
+    samples = samples or 1
+    part = _pixel_part(sheet, view, lighting, samples, tolerance)
+    if part:
+        _log.info("Lobes that change within a pixel are averaged over it.")
+    return Sampling(samples, part)
+
+
+def _pixel_part(sheet: Sheet, view: View, lighting: Lighting, samples: int, tolerance: float) -> float:
+    """Side of the area of a sample, or 0 where lobes hardly change over it."""
     occurring = _extents(sheet, view, lighting, 1 / samples)
     narrowest = window_spread(_SHORTEST_UM, lighting.coherence_um) ** 2 + occurring.light_variance[0]
-    if occurring.pixel_variance < tolerance * narrowest:
-        return Sampling(samples, 0.0)
-    _log.info(
-        "Lobes change within a pixel, by up to %.2g of their width, and are averaged over it.",
-        np.sqrt(12 * occurring.pixel_variance / narrowest),
-    )
-    return Sampling(samples, 1 / samples)
+    return 1 / samples if occurring.pixel_variance > tolerance * narrowest else 0.0
+
+
+def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tolerance: float) -> tuple[int, float]:
+    """Points along a side of a pixel, at most so many, and by how much twice as many change what is lit."""
+    few, every = _few(view)
+    try:
+        table = _table(sheet, view, lighting, 1.0, tolerance)
+    except ValueError:
+        table = None
+    planes = _prepared(sheet)
+
+    def painted(seen: View, part: float) -> Paint:
+        if table is None:
+            return _summed(sheet, seen, lighting, part)
+        return _looked_up(sheet, planes, seen, lighting, part, table)
+
+    def mean(samples: int) -> Image:
+        rgb = np.zeros((len(lighting.lights_mm), few.rows, few.columns, 3), np.float32)
+        part = _pixel_part(sheet, view, lighting, samples, tolerance) / every
+        for across, down in offsets(samples):
+            paint = painted(few.moved(across / every, down / every), part)
+            for picture, light in zip(rgb, lighting.lights_mm, strict=True):
+                paint(picture, light)
+        return rgb / np.float32(samples**2)
+
+    samples, picture, left = 1, mean(1), 0.0
+    while True:
+        finer = mean(2 * samples)
+        lit = finer.max(axis=-1) > _LIT * finer.max()
+        if lit.any():
+            left = float(np.sqrt(np.mean((finer - picture)[lit] ** 2)) / white_level(finer, 99.5))
+        if left <= tolerance or samples >= most:
+            return samples, left
+        samples, picture = 2 * samples, finer
 
 
 def automatic_samples(sheet: Sheet, view: View, samples: int | None) -> int:
@@ -172,7 +223,13 @@ def _chosen(
     if evaluator == "spectral" or (evaluator == "auto" and work < _WORTH_A_TABLE):
         warn_of_aliasing(sheet.period_um, lighting)
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
-    table = _table(sheet, view, lighting, sampling.pixel_part, tolerance)
+    try:
+        table = _table(sheet, view, lighting, sampling.pixel_part, tolerance)
+    except ValueError as problem:
+        if evaluator == "tabulated":
+            raise InputError(str(problem), where="evaluator", expected="spectral, or a larger tolerance") from None
+        _log.info("The spectrum is summed: %s.", problem)
+        return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     error = _error(sheet, view, lighting, sampling.pixel_part, table)
     told = f"from its sum on a part of the pixels by up to {100 * error:.2g} percent of white"
     if error <= tolerance:
@@ -183,7 +240,7 @@ def _chosen(
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     else:
         _log.warning("Colours looked up in a table of %s differ %s.", table, told)
-    planes = sheet.laid(prepared_gratings(sheet.orientation_rad, sheet.period_um))
+    planes = _prepared(sheet)
     return lambda seen: _looked_up(sheet, planes, seen, lighting, sampling.pixel_part, table)
 
 
@@ -237,13 +294,11 @@ def _table(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tole
 
 def _error(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, table: ColourTable) -> float:
     """Largest difference of both evaluators on some of the pixels, relative to white."""
-    every = max(1, -(-max(view.rows, view.columns) // _CHECKED))
-    few = view.thinned(every)
+    few, every = _few(view)
     fine = replace(lighting, wavelength_step_nm=min(lighting.wavelength_step_nm, 2.0))
-    planes = sheet.laid(prepared_gratings(sheet.orientation_rad, sheet.period_um))
     pair = (
         _summed(sheet, few, fine, pixel_part / every),
-        _looked_up(sheet, planes, few, lighting, pixel_part / every, table),
+        _looked_up(sheet, _prepared(sheet), few, lighting, pixel_part / every, table),
     )
     worst = 0.0
     for light in lighting.lights_mm:
@@ -252,6 +307,16 @@ def _error(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tabl
         pair[1](found, light)
         worst = max(worst, float(np.abs(found - exact).max() / white_level(exact, 99.5)))
     return worst
+
+
+def _few(view: View) -> tuple[View, int]:
+    """Some of the pixels, and every how manieth along rows and columns."""
+    every = max(1, -(-max(view.rows, view.columns) // _CHECKED))
+    return view.thinned(every), every
+
+
+def _prepared(sheet: Sheet) -> Tiled:
+    return sheet.laid(prepared_gratings(sheet.orientation_rad, sheet.period_um))
 
 
 def _extents(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> Extent:

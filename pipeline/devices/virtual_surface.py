@@ -21,7 +21,7 @@ from pipeline.optics.diffraction.evaluators import (
     terms_and_error,
     wavelength_step_nm,
 )
-from pipeline.optics.diffraction.patch import Patch
+from pipeline.optics.diffraction.patch import Patch, window_over
 from pipeline.parallel import over_rows, threads
 
 _log = logging.getLogger(__name__)
@@ -30,6 +30,9 @@ _TILE = 64
 _ROUNDED = 1.0001
 _STEP_ERROR = 1e-2
 _FINEST_NM, _COARSEST_NM = 0.25, 10.0
+_MOST_TERMS = 1000
+"""Reliefs of some hundred micrometres: mistaken units, which would be computed for hours."""
+_MOST_TABLE_GIB = 4.0
 _SEAM = 2.0
 """Times the largest step inside by which a tile that does not fit itself jumps at its border."""
 
@@ -72,9 +75,30 @@ def check_recipe(*, coherence_um: float, tolerance: float, terms: int | None) ->
     )
 
 
-def automatic_step_nm(directions: Directions, coherence_um: float) -> float:
-    """Widest step of visible wavelengths that shows every order, within reason."""
-    step = wavelength_step_nm(directions, coherence_um, _STEP_ERROR, FIRST_NM)
+def unreflecting(refractive_index: float) -> list[InputError]:
+    """Problems of a refractive index that no light is reflected by, to be refused before anything runs."""
+    if refractive_index == 1:
+        what = "refractive_index is 1, of which no light is reflected"
+        return [InputError(what, where="refractive_index", expected="another number above 0")]
+    return above_zero(refractive_index=refractive_index)
+
+
+def automatic_step_nm(surface: HeightField, directions: Directions, coherence_um: float) -> float:
+    """Widest step of visible wavelengths that shows every order, within reason; logs a warning where that is too wide.
+
+    Raises
+    ------
+    InputError
+        Heights are missing.
+    """
+    step = wavelength_step_nm(directions, coherence_um, _patch_of(surface).relief_um, _STEP_ERROR, FIRST_NM)
+    if step < _FINEST_NM:
+        _log.warning(
+            "Orders of this coherence window and relief ask for wavelength steps of %.2g nm, and %g nm are taken: "
+            "colours may be off. wavelength_step sets others.",
+            step,
+            _FINEST_NM,
+        )
     return float(np.clip(step, _FINEST_NM, _COARSEST_NM))
 
 
@@ -126,13 +150,15 @@ def responses(
     Raises
     ------
     InputError
-        Heights are missing.
+        Heights are missing, or the relief is too deep or the surface too wide to be computed.
     """
     patch = _patch_of(surface)
     if tell:
         _warn(surface, patch, recipe, directions, wavelength_nm)
     wavelength_um = np.asarray(wavelength_nm, np.float64) / 1000
     terms, error = terms_and_error(recipe, patch, directions, wavelength_um) or (None, None)
+    if terms is not None:
+        _refuse_endless(patch, recipe, directions, wavelength_um, terms)
     if tell and error is not None:
         _tell_of_terms(recipe, terms, error, patch.relief_um)
     response = prepared(recipe, patch, directions, wavelength_um)
@@ -146,13 +172,18 @@ def responses(
 def _patch_of(surface: HeightField) -> Patch:
     missing = int(np.count_nonzero(~np.isfinite(surface.height_um)))
     if missing:
-        raise InputError(f"{missing} heights of the surface are not known", expected="align.despiked, which fills gaps")
+        raise InputError(
+            f"{missing} heights of the surface are not known",
+            expected="none missing",
+            hint="align.filled fills gaps: graph.filled.stage=align.filled graph.filled.surface=surface "
+            "graph.level.surface=filled",
+        )
     return Patch(np.asarray(surface.height_um, np.float64), surface.pitch_um)
 
 
 def _tell_of_terms(recipe: Recipe, terms: int | None, error: float, relief_um: float) -> None:
     if error <= recipe.tolerance * _ROUNDED:
-        _log.info("%s: %d terms for an amplitude error of %g.", recipe.evaluator, terms, recipe.tolerance)
+        _log.info("%s: %d terms leave an amplitude error of at most %g.", recipe.evaluator, terms, recipe.tolerance)
     else:
         _log.warning(
             "%s: %d terms leave an amplitude error of up to %.2g on a relief of %.3g um; asked for are %g.",
@@ -161,6 +192,29 @@ def _tell_of_terms(recipe: Recipe, terms: int | None, error: float, relief_um: f
             min(error, 1e9),
             relief_um,
             recipe.tolerance,
+        )
+
+
+def _refuse_endless(
+    patch: Patch, recipe: Recipe, directions: Directions, wavelength_um: NDArray[np.float64], terms: int
+) -> None:
+    if terms > _MOST_TERMS:
+        raise InputError(
+            f"a relief of {patch.relief_um:.4g} um asks {recipe.evaluator} for {terms} terms",
+            expected=f"at most {_MOST_TERMS}",
+            hint="are the heights in um, and laid level (align.level)?",
+        )
+    window = window_over(
+        patch, directions.uvw, wavelength_um, coherence_um=recipe.coherence_um, tolerance=recipe.tolerance
+    )
+    across, along = (last - first for first, last in (window.across, window.along))
+    if (gib := terms * across * along * 8 / 2**30) > _MOST_TABLE_GIB:
+        rows, columns = patch.height_um.shape
+        raise InputError(
+            f"a surface of {columns * patch.pitch_um:.4g} x {rows * patch.pitch_um:.4g} um has {across} x {along} "
+            f"spectral lines, which take {gib:.3g} GiB with {terms} terms",
+            expected=f"at most {_MOST_TABLE_GIB:g} GiB",
+            hint=f"is a pitch of {patch.pitch_um:g} um right? extract.cropped keeps a part of the surface",
         )
 
 
@@ -205,5 +259,5 @@ def _seam(height_um: NDArray[np.float64]) -> float:
     for axis in (0, 1):
         step = np.diff(height_um, axis=axis, append=np.take(height_um, [0], axis=axis))
         rms = np.sqrt((step**2).mean(axis=1 - axis))
-        ratios.append(float(rms[-1] / max(rms[:-1].max(), 1e-12)))
+        ratios.append(float(rms[-1] / max(rms[:-1].max(initial=0.0), 1e-12)))
     return max(ratios)

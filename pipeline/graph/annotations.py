@@ -143,6 +143,8 @@ def check_setting(value: Any, annotation: Annotation, name: str) -> Any:
     hint = ""
     if kind == "literal" and isinstance(value, str):
         hint = nearest(value, (str(choice) for choice in annotation.choices))
+    if kind == "list" and isinstance(value, bool | int | float | str):
+        hint = f"did you mean [{value}]?"
     raise InputError(f"{name} is {_shown(value)}", expected=str(annotation), hint=hint)
 
 

@@ -7,6 +7,7 @@ import re
 import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def compose(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Configura
         experiment=experiment,
         content=known["content"],
         raw=known["raw"],
-        overrides=tuple(parsed(text) for text in texts),
+        overrides=tuple(_override(text, folders) for text in texts),
         files=tuple((Path(file), section) for file, section in known["files"]),
         folders=tuple(folders),
         words=tuple(f"+{word}" if word.startswith("experiment=") else word for word in overrides),
@@ -161,6 +162,14 @@ def parsed(text: str) -> Override:
     removes = bare.startswith("~")
     path = bare.lstrip("~").split("=", 1)[0]
     return Override(bare, path, removes)
+
+
+def _override(text: str, folders: Sequence[Path]) -> Override:
+    """The same, where an option that fills another section than its group's name is no value of a section's."""
+    override = parsed(text)
+    group, _, choice = override.text.partition("=")
+    file = option_file(group, choice, folders) if group in groups(folders) else None
+    return replace(override, path="") if file and _package(file) not in ("", group) else override
 
 
 def is_sweep(text: str) -> bool:

@@ -36,36 +36,38 @@ class Window:
 
 
 class Drawing:
-    """A square map that is drawn on; a pixel belongs to a shape if its centre does.
+    """A map that is drawn on; a pixel belongs to a shape if its centre does.
 
     Parameters
     ----------
-    side : int
-        Pixels along a side.
+    columns : int
+        Pixels across, and up where ``rows`` says nothing else.
     pixel_mm : float
         Their pitch.
+    rows : int, optional
+        Pixels up.
 
     Attributes
     ----------
-    x_mm, y_mm : ndarray of shape (side,)
+    x_mm, y_mm : ndarray of shape (columns,) and (rows,)
         Centres of the columns and of the rows.
-    orientation_rad, period_um : ndarray of shape (side, side), float32
+    orientation_rad, period_um : ndarray of shape (rows, columns), float32
         What is drawn; NaN where nothing is.
     """
 
-    def __init__(self, side: int, pixel_mm: float) -> None:
-        self.side = side
+    def __init__(self, columns: int, pixel_mm: float, rows: int | None = None) -> None:
+        self.rows, self.columns = columns if rows is None else rows, columns
         self.pixel_mm = pixel_mm
-        self.x_mm = np.asarray((np.arange(side) + 0.5 - side / 2) * pixel_mm, np.float64)
-        self.y_mm = -self.x_mm
-        self.orientation_rad = np.full((side, side), np.nan, np.float32)
-        self.period_um = np.full((side, side), np.nan, np.float32)
+        self.x_mm = np.asarray((np.arange(columns) + 0.5 - columns / 2) * pixel_mm, np.float64)
+        self.y_mm = -np.asarray((np.arange(self.rows) + 0.5 - self.rows / 2) * pixel_mm, np.float64)
+        self.orientation_rad = np.full((self.rows, columns), np.nan, np.float32)
+        self.period_um = np.full((self.rows, columns), np.nan, np.float32)
 
     def window(self, left: float, low: float, right: float, high: float) -> Window:
         """The pixels of a rectangle, given in mm, as far as they lie on the map."""
-        side, pixel = self.side, self.pixel_mm
-        columns = slice(max(int(left / pixel + side / 2), 0), min(int(right / pixel + side / 2) + 1, side))
-        rows = slice(max(int(side / 2 - high / pixel), 0), min(int(side / 2 - low / pixel) + 1, side))
+        across, up, pixel = self.columns, self.rows, self.pixel_mm
+        columns = slice(max(int(left / pixel + across / 2), 0), min(int(right / pixel + across / 2) + 1, across))
+        rows = slice(max(int(up / 2 - high / pixel), 0), min(int(up / 2 - low / pixel) + 1, up))
         return Window(rows, columns, self.x_mm[None, columns], self.y_mm[rows, None])
 
     def paint(self, window: Window, inside: BoolArray, orientation_rad: float | Map, period_um: float | Map) -> None:

@@ -40,12 +40,15 @@ def blended_periods(
     Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018), section
     6.4.
     """
-    turns = np.asarray(orientation_rad, np.float64) * bins / np.pi
-    t = np.mod(np.round(turns), bins) / (bins - 1)
+    t = np.arange(bins) / (bins - 1)
     if blend == "quadratic":
         share = t**2
     elif blend == "squared sine":
         share = np.sin(np.pi / 2 * t) ** 2
     else:
         share = np.sin(np.pi * t) ** 2
-    return shortest_um + (longest_um - shortest_um) * share
+    period = shortest_um + (longest_um - shortest_um) * share
+    turns = np.asarray(orientation_rad, np.float64) / np.pi
+    known = np.isfinite(turns)
+    number = np.rint(np.where(known, turns, 0) * bins).astype(np.intp) % bins
+    return np.where(known, period[number], np.nan)

@@ -126,9 +126,9 @@ def blended(
 ) -> Float64Array:
     """Light from each point relative to that from a white matt surface that faces the light.
 
-    ``(1 - s) R_0 / (sigma_f lambda)^2 C |P|^2 cos i + s (1 - F(i)) albedo cos i``: diffraction as a BRDF, for a mirror
-    spreads the share ``R_0`` of the light that it reflects over a solid angle ``pi (sigma_f lambda)^2``, at 550 nm, and
-    pigment lit by what the surface lets through. The weights add up to no more than what arrives.
+    ``(1 - s) R_0 / (sigma_f lambda)^2 C |P|^2 + s (1 - F(i)) albedo cos i``: a mirror spreads the share ``R_0`` of the
+    light that it reflects over a solid angle ``pi (sigma_f lambda)^2``, at 550 nm, and the gain ``C`` holds the light's
+    cosine already; pigment is lit by what the surface lets through. The weights add up to no more than what arrives.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def blended(
     entering = 1 - schlick(upright, refractive_index)
     surface = (1 - diffuse_share) * mirror * gain[:, None] * response
     body = diffuse_share * entering[:, None] * albedo
-    return np.asarray(directions.light[:, 2:] * (surface + body))
+    return np.asarray(surface + directions.light[:, 2:] * body)
 
 
 def _filled(vectors: Float64Array, columns: int) -> Float64Array:

@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pipeline.report.view import RunView
+
+
+FORMAT = 4
+"""Counts up when the same value is drawn or written differently, so that older reports and files are made anew."""
+
+RECORD = ".written.json"
+
+
+def is_current(folder: Path) -> bool:
+    """Whether the report and files in a run's folder are as this version writes them."""
+    try:
+        return bool(json.loads((folder / "outputs" / RECORD).read_text())["format"] == FORMAT)
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def write(run: RunView) -> Path:

@@ -36,7 +36,7 @@ def brdf_maps(value: BrdfMap) -> list[Figure]:
     return [
         Figure(
             "BRDF",
-            Markup('<div class="sheet large">{}</div>').format(Markup("").join(cells)),
+            Markup('<div class="sheet few">{}</div>').format(Markup("").join(cells)),
             f"{value.caption}{'. ' if value.caption else ''}Seen from all directions above: the middle of a disc is "
             f"the normal, its edge grazing, x to the right, y up. Relative to a mirror at normal incidence; white is "
             f"{white:.3g}. Evaluator: {value.evaluator}.",

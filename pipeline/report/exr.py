@@ -15,8 +15,8 @@ from pipeline.errors import PipelineError
 from pipeline.storage.disks import DiskError, writing
 
 
-def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], attributes: Mapping[str, float | None]) -> None:
-    """Write channels of one shape (M, N) under their names, and numbers as attributes; the file appears whole.
+def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], attributes: Mapping[str, float | str | None]) -> None:
+    """Write channels of one shape (M, N) by name, numbers and words as attributes; the file appears whole.
 
     Raises
     ------
@@ -28,9 +28,9 @@ def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], attributes: Mapp
     spec = oiio.ImageSpec(stack.shape[1], stack.shape[0], stack.shape[2], "float")
     spec.channelnames = tuple(channels)
     spec.attribute("compression", "zip:1")
-    for name, number in attributes.items():
-        if number is not None:
-            spec.attribute(name, float(number))
+    for name, value in attributes.items():
+        if value is not None:
+            spec.attribute(name, value if isinstance(value, str) else float(value))
     temporary = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}.exr")
     try:
         out = oiio.ImageOutput.create(str(temporary))

@@ -19,6 +19,7 @@ from pipeline.data.metrics import Metrics
 from pipeline.data.photographs import PolarizerSequence
 from pipeline.data.pictures import Pictures, PictureSeries
 from pipeline.data.polarization import LineDeviation, PolarizerResponse
+from pipeline.data.printing import PrintLayout
 from pipeline.optics.colour import encode_srgb
 from pipeline.report.brdf_maps import brdf_maps
 from pipeline.report.diffraction_peaks import diffraction_peaks
@@ -30,6 +31,7 @@ from pipeline.report.light_probes import light_probe
 from pipeline.report.maps import Scale, map_with_bar, marked, orientation_map, size_of, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import PICTURE_PIXELS, Figure, photos, pictures
+from pipeline.report.print_layouts import print_layouts
 from pipeline.report.response_curves import response_curves
 from pipeline.report.responses import deviations, responses
 from pipeline.report.shades import reduced
@@ -50,27 +52,31 @@ def _orientation(value: OrientationMap, pixel_mm: float | None) -> list[Figure]:
     known = (
         "absolute" if value.absolute else "known up to one offset, the same everywhere, which polarisation leaves open"
     )
-    shape, masked = value.mask.shape, 100 * (1 - float(np.mean(value.mask)))
     correlation = value.correlation[value.mask & np.isfinite(value.correlation)]
     bright = value.intensity[np.isfinite(value.intensity)]
-    white = (float(np.percentile(bright, 99.8)) if bright.size else 0.0) or 1.0
     return [
         Figure(
             "orientation",
             orientation_map(value.orientation_rad, pixel_mm),
             f"Orientation of the grating's tangent, the direction in which it diffracts; {known}. {HUES} "
-            f"{size_of(shape, axial=True)}",
+            f"{size_of(value.mask.shape, axial=True)}",
         ),
         *_standard_error(value, pixel_mm),
         *response_curves(value),
         *([_correlation(value, correlation, pixel_mm)] if correlation.size else []),
-        Figure(
-            "mask",
-            marked(value.intensity, value.mask, pixel_mm, white=white),
-            f"Mean over the photographs, encoded for a display; black is 0, white {white:.3g} of full scale. Tinted: "
-            f"the {masked:.1f} percent of the pixels that the mask leaves out. {size_of(shape)}",
-        ),
+        *([_mask(value, bright, pixel_mm)] if bright.size else []),
     ]
+
+
+def _mask(value: OrientationMap, known: NDArray[Any], pixel_mm: float | None) -> Figure:
+    white = float(np.percentile(known, 99.8)) or 1.0
+    masked = 100 * (1 - float(np.mean(value.mask)))
+    return Figure(
+        "mask",
+        marked(value.intensity, value.mask, pixel_mm, white=white),
+        f"Mean over the photographs, encoded for a display; black is 0, white {white:.3g} of full scale. Tinted: "
+        f"the {masked:.1f} percent of the pixels that the mask leaves out. {size_of(value.mask.shape)}",
+    )
 
 
 def _standard_error(value: OrientationMap, pixel_mm: float | None) -> list[Figure]:
@@ -218,6 +224,7 @@ DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     PolarizerSequence: lambda value, _: photos(value),
     OrientationMap: _orientation,
     PeriodMap: _period,
+    PrintLayout: lambda value, _: print_layouts(value),
     OrientationError: _error,
     PictureSeries: lambda value, _: pictures(value),
     BrdfMap: lambda value, _: brdf_maps(value),

@@ -26,12 +26,14 @@ from pipeline.report.charts import (
 )
 from pipeline.report.naming import plain, setting_label
 
-CELL_INCHES = 0.34
+CELL_INCHES = 0.4
 LEAST_INCHES, MOST_INCHES = 2.0, 5.0
 AROUND_INCHES = 0.9
 BAR_INCHES = 1.0
 LOG_FROM = 20.0
 """Ratio of the largest to the least value above which colours are logarithmic."""
+FEW_COLUMNS = 4
+"""Cells of so few columns are wide enough for four digits; others take two."""
 MOST_WRITTEN = 120
 """Cells of a map in which values are still written."""
 MOST_TICKS = 14
@@ -105,10 +107,11 @@ def _grid(
 
 def _write(axes: Any, values: NDArray[np.float64], norm: Any) -> None:
     """Every value in its cell, black on bright colours and white on dark ones."""
+    digits = 4 if values.shape[1] <= FEW_COLUMNS else 2
     for (i, j), value in np.ndenumerate(values):
         if np.isfinite(value):
             colour = "black" if norm(value) > 0.6 else "white"
-            axes.text(j, i, plain(value, 2), ha="center", va="center", fontsize=6, color=colour)
+            axes.text(j, i, plain(value, digits), ha="center", va="center", fontsize=6, color=colour)
 
 
 def _limit_line(axes: Any, values: NDArray[np.float64], limit: float, *, log: bool, numeric: tuple[bool, bool]) -> None:

@@ -34,7 +34,7 @@ def labelled_pictures(value: Pictures) -> list[Figure]:
     return [
         Figure(
             "pictures",
-            Markup('<div class="sheet large">{}</div>').format(Markup("").join(cells)),
+            Markup('<div class="sheet few">{}</div>').format(Markup("").join(cells)),
             f"{value.caption}{'. ' if value.caption else ''}{columns} × {rows} pixels. In all of "
             f"them black is 0 and white {white:.3g} of a white matt surface that faces the light.",
             wide=True,

@@ -23,9 +23,11 @@ from pipeline.data.light_probes import LightProbe
 from pipeline.data.photographs import PolarizerSequence
 from pipeline.data.pictures import Pictures, PictureSeries
 from pipeline.data.polarization import LineDeviation, PolarizerResponse
+from pipeline.data.printing import PrintLayout
 from pipeline.errors import PipelineError
 from pipeline.optics.colour import encode_srgb
 from pipeline.parallel import threads
+from pipeline.report import FORMAT, RECORD, is_current
 from pipeline.report.brdf_maps import exposed
 from pipeline.report.diffraction_peaks import grating_angles
 from pipeline.report.encoded import png
@@ -36,6 +38,7 @@ from pipeline.report.light_probes import exposed_probe
 from pipeline.report.maps import Scale, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import Figure
+from pipeline.report.print_layouts import dots_csv, tiff
 from pipeline.report.responses import shown_rows
 from pipeline.report.shades import colours, orientation_colours, reduced
 from pipeline.report.slit_patterns import strips
@@ -43,10 +46,7 @@ from pipeline.report.svg import standalone
 from pipeline.report.view import RunView
 from pipeline.storage.files import write_bytes, write_text
 
-FORMAT = 2
-"""Counts up when the same value is written differently, so that older files are written anew."""
-
-RECORD, CHARTS = ".written.json", ".charts.json"
+CHARTS = ".charts.json"
 SHEET_PIXELS = 400
 
 Written = Iterator[Path]
@@ -71,7 +71,7 @@ def write_values(run: RunView) -> list[Path]:
     kept = {file for entry in now.values() for file in entry["files"]}
     for file in {file for entry in before.values() for file in entry["files"]} - kept:
         (folder / file).unlink(missing_ok=True)
-    if now != before:
+    if now != before or not is_current(run.path):
         write_text(folder / RECORD, json.dumps({"format": FORMAT, "nodes": now}, indent=1))
     return [*(folder / file for entry in now.values() for file in entry["files"]), _write_metrics(folder, run)]
 
@@ -186,6 +186,20 @@ def _sample(stem: Path, value: GratingSample) -> Written:
     yield _exr(stem, channels, **numbers, absolute=True, relative=False)
 
 
+def _print_layout(stem: Path, value: PrintLayout) -> Written:
+    """As a table, as pictures, and with the channels of maps."""
+    angle, density = value.orientation_deg, value.lines_per_mm
+    channels = {"orientation_rad": np.deg2rad(angle), "period_um": 1000 / density}
+    yield _exr(stem, channels, pixel_mm=value.dot_mm, absolute=True, relative=False)
+    path = stem.with_name(f"{stem.name}.csv")
+    write_text(path, dots_csv(value))
+    yield path
+    for name, values in {"orientation_deg": angle, "lines_per_mm": density}.items():
+        path = stem.with_name(f"{stem.name}_{name}.tif")
+        write_bytes(path, tiff(values, value.dot_mm))
+        yield path
+
+
 def _error(stem: Path, value: OrientationError) -> Written:
     yield _exr(stem, {"error_rad": value.error_rad}, offset_rad=value.offset_rad)
     known = np.abs(value.error_rad[np.isfinite(value.error_rad)])
@@ -254,9 +268,9 @@ def _brdf(stem: Path, value: BrdfMap) -> Written:
 
 def _labelled(stem: Path, value: Pictures) -> Written:
     shown, _ = exposed_pictures(value)
-    for k, (linear, picture) in enumerate(zip(value.rgb, shown, strict=True)):
+    for k, (linear, picture, label) in enumerate(zip(value.rgb, shown, value.labels, strict=True)):
         place = stem.with_name(f"{stem.name}_{k}")
-        yield _exr(place, {name: linear[..., i] for i, name in enumerate("RGB")})
+        yield _exr(place, {name: linear[..., i] for i, name in enumerate("RGB")}, label=label)
         yield _png(place, picture)
 
 
@@ -310,11 +324,17 @@ def _diffraction_peaks(stem: Path, value: DiffractionPeaks) -> Written:
 def _slits(stem: Path, value: SlitPatterns) -> Written:
     named = zip(value.slits.tolist(), value.intensity, strict=True)
     yield _csv(stem, {"position_mm": value.position_mm, **{f"intensity_{count}": line for count, line in named}})
-    yield _exr(stem, {name: value.white_rgb[..., i] for i, name in enumerate("RGB")})
+    yield _exr(
+        stem,
+        {name: value.white_rgb[..., i] for i, name in enumerate("RGB")},
+        first_position_mm=float(value.position_mm[0]),
+        last_position_mm=float(value.position_mm[-1]),
+        slits_of_rows=" ".join(map(str, value.slits.tolist())),
+    )
     yield _png(stem, strips(value))
 
 
-def _exr(stem: Path, channels: dict[str, NDArray[Any]], **attributes: float | None) -> Path:
+def _exr(stem: Path, channels: dict[str, NDArray[Any]], **attributes: float | str | None) -> Path:
     path = stem.with_name(f"{stem.name}.exr")
     write_exr(path, channels, attributes)
     return path
@@ -347,6 +367,7 @@ WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     LightProbe.__name__: _probe,
     OrientationMap.__name__: _orientation,
     PeriodMap.__name__: _period,
+    PrintLayout.__name__: _print_layout,
     GratingSample.__name__: _sample,
     OrientationError.__name__: _error,
     PictureSeries.__name__: _pictures,

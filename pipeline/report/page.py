@@ -118,7 +118,7 @@ def page(run: RunView, drawing: Drawing | None = None) -> str:
 
 
 def _headlines(run: RunView, values: Mapping[str, Any]) -> list[Labelled]:
-    """The first figure of merit of each node that has some and that no other such node judges; where few, the next."""
+    """The first figure of merit of each node that no other node with figures judges; where few, their next."""
     judging = [node for node, value in values.items() if getattr(value, "metrics", {})]
     judged = {name for node in judging for name in _upstream(run, node)}
     found: list[str] = []
@@ -127,7 +127,9 @@ def _headlines(run: RunView, values: Mapping[str, Any]) -> list[Labelled]:
         own = f"{node}.{name}" if f"{node}.{name}" in run.metrics else name
         if own in run.metrics and node not in judged:
             found.append(own)
-    further = [name for name in run.metrics if name not in found][: max(0, FEW_TILES - len(found))]
+    last = [name for node in judging if node not in judged for name in values[node].metrics]
+    further = sorted((name for name in run.metrics if name not in found), key=lambda name: name not in last)
+    further = further[: max(0, FEW_TILES - len(found))]
     chosen = sorted([*found, *further], key=list(run.metrics).index)
     return [labelled(name, run.metrics[name]) for name in chosen[:MOST_TILES]]
 

@@ -197,3 +197,21 @@ def test_the_documented_folder_is_read(tmp_path: Path) -> None:
     write_image(tmp_path / "scan.png", np.full((3, 4), 255, np.uint8))
     read = height_map(file=tmp_path)
     assert (read.height_um.max(), read.pitch_um, read.caption) == (np.float32(0.375), 0.0488, "a shed skin")
+
+
+@pytest.mark.parametrize(("scale", "told"), [(1.0, False), (1e-6, True), (1e3, True), (0.0, False)])
+def test_heights_in_another_unit_are_warned_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, scale: float, told: bool
+) -> None:
+    np.save(tmp_path / "map.npy", 0.01 * RAMP * scale)
+    height_map(file=tmp_path / "map.npy", pitch_um=0.05)
+    assert ("are heights and pitch both in um?" in caplog.text) == told
+
+
+@pytest.mark.parametrize("name", ["map.txt", "map.npz"])
+def test_a_table_of_numbers_is_told_to_be_saved_with_units(tmp_path: Path, name: str) -> None:
+    pytest.importorskip("SurfaceTopography")
+    np.savetxt(tmp_path / "map.txt", np.random.default_rng(0).normal(size=(50, 50)))
+    np.savez(tmp_path / "map.npz", h=np.zeros((50, 50)))
+    with pytest.raises(InputError, match=r"does not say how large its map is[\s\S]*np.save"):
+        height_map(file=tmp_path / name, pitch_um=0.05)

@@ -52,11 +52,13 @@ EITHER_SIGN = {
     "simulate.facets": OPTICS,
     "simulate.fireworks": OPTICS | {"twist_deg"},
     "simulate.gradient_stars": OPTICS,
+    "simulate.picture_design": OPTICS,
     "simulate.kinematic_tile": OPTICS,
     "simulate.laid_down": {"x_mm", "y_mm", "turn_deg"},
     "simulate.logo": OPTICS,
     "simulate.misread_polarizer": {"stretch"},
     "simulate.polarizer_response": OPTICS,
+    "simulate.vector_design": OPTICS,
     "rotation_mount.CanopenRotationMount": {"zero_deg"},
     "rotation_mount.SimulatedRotationMount": {"eccentricity_deg"},
 }
@@ -80,8 +82,7 @@ def cases(entries: dict[str, Entry], names: tuple[str, ...] = ()) -> list[tuple[
 def test_no_stage_takes_a_negative_number_where_none_makes_sense(
     name: str, setting: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    np.save(tmp_path / "map.npy", np.eye(4))
-    given = {**GIVEN, "file": tmp_path / "map.npy"}
+    given = {**GIVEN, "file": file_for(name, tmp_path)}
     entry = CATALOG.stages[name]
     module, function = importlib.import_module(entry.module), entry.signature.name
     parameters = inspect.signature(getattr(module, function)).parameters.values()
@@ -92,6 +93,17 @@ def test_no_stage_takes_a_negative_number_where_none_makes_sense(
     check(**settings)
     with pytest.raises(InputError, match=rf"^{setting} is -1\s+where: +{setting}\s+expected: "):
         check(**{**settings, setting: -1})
+
+
+def file_for(stage: str, folder: Path) -> Path:
+    if stage == "simulate.picture_design":
+        return write_image(folder / "map.png", np.uint8(255 * np.eye(4)))
+    if stage == "simulate.vector_design":
+        file = folder / "map.svg"
+        file.write_text('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><circle r="5" fill="red"/></svg>')
+        return file
+    np.save(folder / "map.npy", np.eye(4))
+    return folder / "map.npy"
 
 
 DEVICES = (

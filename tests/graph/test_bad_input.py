@@ -11,6 +11,7 @@ from toys import Toys
 
 from pipeline.bench import Experiment
 from pipeline.errors import InputError, InputErrors
+from pipeline.graph.annotations import Annotation, check_setting
 from pipeline.graph.compose import compose
 
 
@@ -88,6 +89,11 @@ def test_a_wrong_type_of_setting(toys: Toys) -> None:
 def test_a_wrong_choice(toys: Toys) -> None:
     with pytest.raises(InputErrors, match=r"mode is 'upp'[\s\S]*one of 'up', 'down'[\s\S]*did you mean 'up'\?"):
         toys.load("graph.big.mode=upp")
+
+
+def test_one_number_where_a_list_is_meant() -> None:
+    with pytest.raises(InputError, match=r"most is 3[\s\S]*expected: list of float[\s\S]*did you mean \[3\]\?"):
+        check_setting(3, Annotation("list", (Annotation("float"),)), "most")
 
 
 def test_a_missing_setting(toys: Toys) -> None:

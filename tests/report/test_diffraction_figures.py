@@ -11,6 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from pipeline.data.diffraction import DiffractionPeaks, SlitPatterns
+from pipeline.data.pictures import Pictures
 from pipeline.optics.diffraction.order_peaks import order_angle
 from pipeline.report.figures import figures_of
 from pipeline.report.outputs import WRITERS
@@ -27,7 +28,7 @@ def peaks(found: int = 9) -> DiffractionPeaks:
     angle = order_angle(2.5, wavelength / 1000, 1, LIGHT)
     response = np.exp(-(((view - angle[:, None]) / 0.01) ** 2)).astype(np.float32)
     kept = np.arange(9) < found
-    period, figures = np.where(kept, 2.5, np.nan), {"peaks": float(found), "peaks_percent": 100 * found / 9}
+    period, figures = np.where(kept, 2.5, np.nan), {"peaks": float(found)}
     if found:
         figures |= {"period_um": 2.5, "period_spread_nm": 0.0, "spectrum_period_um": 2.49}
     return DiffractionPeaks(
@@ -100,4 +101,15 @@ def test_the_files_of_slits(screen: SlitPatterns, tmp_path: Path) -> None:
     assert list(rows[0]) == ["position_mm", "intensity_1", "intensity_7"]
     assert [float(row["intensity_7"]) for row in rows] == screen.intensity[1].tolist()
     assert oiio.ImageBuf(str(exr)).get_pixels(oiio.FLOAT).tolist() == screen.white_rgb.tolist()
+    spec = oiio.ImageBuf(str(exr)).spec()
+    assert spec.getattribute("first_position_mm") == -2
+    assert spec.getattribute("last_position_mm") == 2
+    assert spec.getattribute("slits_of_rows") == "1 7"
     assert oiio.ImageBuf(str(png)).spec().height == 2 * 48 + 8
+
+
+def test_each_labelled_picture_says_what_it_shows(tmp_path: Path) -> None:
+    value = Pictures(np.ones((2, 4, 5, 3), np.float32), ("900 mm away", "100 mm away"))
+    files = WRITERS["Pictures"](tmp_path / "shading", value)
+    labels = [oiio.ImageBuf(str(f)).spec().getattribute("label") for f in files if f.suffix == ".exr"]
+    assert labels == ["900 mm away", "100 mm away"]

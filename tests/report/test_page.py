@@ -99,6 +99,19 @@ def test_what_another_node_judges_has_no_tile_and_few_are_filled_up(run: FakeRun
     assert len(re.findall('class="tile"', page(more))) == 4
 
 
+def test_tiles_are_filled_up_from_what_judges_before_what_is_judged(run: FakeRun) -> None:
+    """The periods of a surface stand first in the table; its peaks are what a run of peaks is for."""
+    first, last = (
+        {"periods": 2.0, "period_1_um": 1.5, "rms_1_um": 0.1},
+        {"peaks": 81.0, "period_um": 1.52, "spread_nm": 1},
+    )
+    nodes = [FakeNode("periods", artifact="d"), FakeNode("fit", artifact="e", inputs={"periods": ("periods",)})]
+    values = {n.name: replace(run.values["evaluate"], metrics=m) for n, m in zip(nodes, (first, last), strict=True)}
+    text = page(replace(run, nodes={node.name: node for node in nodes}, values=values, metrics=first | last))
+    tiles = re.findall(r'<div class="tile"><b>(.*?)</b><span>(.*?)</span>', text)
+    assert [label for _, label in tiles] == ["periods", "peaks", "period", "spread"]
+
+
 def test_the_graph_has_no_box_for_what_was_not_planned(failed: FakeRun) -> None:
     picture = page(failed).split('<svg class="graph"')[1].split("</svg>")[0]
     assert 'href="#node-broken"' in picture

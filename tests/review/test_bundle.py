@@ -26,9 +26,7 @@ from pipeline.storage.sealed import unsealed
 
 def test_a_bundle_holds_all_of_a_run(toys: Toys, tmp_path: Path) -> None:
     run = toys.run()
-    (run.path / "outputs").mkdir()
     (run.path / "outputs" / "raw.csv").write_text("1,2")
-    (run.path / "outputs" / ".written.json").write_text("{}")
     entries = entries_of(write_bundle(run, tmp_path / "toy.zip"))
     assert {
         "README.txt",

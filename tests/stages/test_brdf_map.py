@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.errors import InputError
 from pipeline.optics.colour import white_balanced_weights
+from pipeline.stages.align.filled import filled
 from pipeline.stages.evaluate.brdf_difference import brdf_difference
 from pipeline.stages.fit.periodicity import periodicity
 from pipeline.stages.render import brdf_map as stage
@@ -58,6 +61,35 @@ def test_the_widest_step_that_is_chosen_is_fine_enough_and_a_coarse_one_is_not()
     assert brdf_difference(coarse, reference).metrics["brdf_error_rms_percent"] > 10
 
 
+def test_the_step_that_is_chosen_shows_the_fringes_of_a_deep_relief() -> None:
+    steps = np.zeros((4, 16))
+    steps[:, 8:] = 10.0
+    few = {"light_deg": [10.0], "size_px": 15, "coherence_um": 4.0}
+    chosen = brdf_map(HeightField(steps, 0.1, periodic=True), **few)
+    reference = brdf_map(HeightField(steps, 0.1, periodic=True), wavelength_step=0.5, **few)
+    assert brdf_difference(chosen, reference).metrics["brdf_error_rms_percent"] < 1
+    coarse = brdf_map(HeightField(steps, 0.1, periodic=True), wavelength_step=10.0, **few)
+    assert brdf_difference(coarse, reference).metrics["brdf_error_rms_percent"] > 10
+
+
+def test_figures_are_those_of_the_light_that_asks_for_most() -> None:
+    surface, few = grating(depth_um=1.0), {"size_px": 9, "coherence_um": 20.0}
+    both, upright, slanting = (brdf_map(surface, light_deg=to, **few).metrics for to in ([0.0, 60.0], [0.0], [60.0]))
+    assert upright["terms"] > slanting["terms"]
+    assert upright["wavelength_step_nm"] > slanting["wavelength_step_nm"]
+    assert both["terms"] == upright["terms"]
+    assert both["wavelength_step_nm"] == slanting["wavelength_step_nm"]
+    assert both["brdf_largest"] == max(upright["brdf_largest"], slanting["brdf_largest"])
+
+
+def test_a_window_too_wide_for_any_step_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    brdf_map(grating(), light_deg=[10.0], size_px=5, coherence_um=300.0)
+    assert "ask for wavelength steps" not in caplog.text
+    brdf_map(grating(), light_deg=[10.0], size_px=5, coherence_um=2000.0)
+    assert "ask for wavelength steps of 0.0" in caplog.text
+    assert "and 0.25 nm are taken" in caplog.text
+
+
 @pytest.mark.parametrize("evaluator", ["flss", "nmm", "pq", "pq_sinc", "gem", "nufft"])
 def test_other_evaluators_of_a_grating_send_light_to_the_same_places(evaluator: str) -> None:
     if evaluator == "nufft":
@@ -85,6 +117,38 @@ def test_too_few_terms_a_coarse_pitch_and_a_seam_are_told(caplog: pytest.LogCapt
     assert "the tile jumps at its border" in caplog.text
 
 
+@pytest.mark.parametrize("azimuth_deg", [0.0, 90.0])
+def test_the_pitch_that_is_said_to_do_does(azimuth_deg: float, caplog: pytest.LogCaptureFixture) -> None:
+    """Light from 60 degrees asks for orders up to ``(1 + sin 60) / 0.38`` per um along its own azimuth."""
+    few = {"light_deg": [60.0], "light_azimuth_deg": azimuth_deg, "size_px": 101, "wavelength_step": 100.0}
+    needed = 0.38 / (100 / 101 + np.sin(np.deg2rad(60))) / 2
+    brdf_map(HeightField(np.zeros((8, 8)), 0.99 * needed, periodic=True), **few)
+    assert "Samples" not in caplog.text
+    brdf_map(HeightField(np.zeros((8, 8)), 1.01 * needed, periodic=True), **few)
+    assert f"A pitch of {needed:.3g} um would do" in caplog.text
+
+
+@pytest.mark.parametrize("turns", [0, 1])
+def test_a_seam_along_either_axis_and_a_narrow_tile_are_told(turns: int, caplog: pytest.LogCaptureFixture) -> None:
+    few = {"light_deg": [10.0], "size_px": 11, "wavelength_step": 50.0, "coherence_um": 3.9}
+    caplog.set_level("INFO")
+    slope = np.rot90(np.tile(np.linspace(0, 1, 40), (40, 1)), turns)
+    brdf_map(HeightField(slope, 0.1), **few)
+    assert "the tile jumps at its border by 39.0 times its largest step inside" in caplog.text
+    assert "narrower than the coherence window" not in caplog.text
+    brdf_map(HeightField(np.rot90(np.zeros((10, 80)), turns), 0.1, periodic=True), **few)
+    assert "The tile is 1 um wide, narrower than the coherence window of 3.9 um" in caplog.text
+
+
+@pytest.mark.parametrize("orientation_deg", [30.0, 135.0])
+def test_evaluators_look_along_a_slanting_period(orientation_deg: float) -> None:
+    surface = cosine_grating(period_um=1.6, depth_um=0.15, size_um=8.0, pitch_um=0.1, orientation_deg=orientation_deg)
+    few = {"light_deg": [10.0], "size_px": 31, "wavelength_step": 50.0, "coherence_um": 20.0}
+    reference = brdf_map(surface, evaluator="flss", **few)
+    found = brdf_map(surface, periodicity(surface), evaluator="nmm", **few)
+    assert brdf_difference(found, reference).metrics["brdf_error_rms_percent"] < 1
+
+
 def test_what_cannot_be_is_refused() -> None:
     few = {"light_deg": [10.0], "size_px": 11, "wavelength_step": 50.0}
     with pytest.raises(InputError, match="looks for light where the surface's periods send it"):
@@ -95,9 +159,19 @@ def test_what_cannot_be_is_refused() -> None:
         brdf_map(grating(), none, evaluator="nmm", **few)
     holed = np.zeros((20, 20))
     holed[3, 4] = np.nan
-    with pytest.raises(InputError, match="1 heights of the surface are not known"):
+    with pytest.raises(InputError, match=r"1 heights of the surface are not known[\s\S]*graph.level.surface=filled"):
         brdf_map(HeightField(holed, 0.1), **few)
-    for setting, value in (("light_deg", [95.0]), ("tolerance", 2.0), ("terms", 0), ("coherence_um", 0.0)):
+    with pytest.raises(InputError, match=r"relief of 20 um asks flss for \d+ terms"):
+        brdf_map(grating(depth_um=20.0), evaluator="flss", **few)
+    brdf_map(filled(HeightField(holed, 0.1)), **few)
+    for setting, value in (
+        ("light_deg", [95.0]),
+        ("tolerance", 2.0),
+        ("terms", 0),
+        ("coherence_um", 0.0),
+        ("light_deg", []),
+        ("refractive_index", 1.0),
+    ):
         whole = {
             "wavelength_step": None,
             "terms": None,
@@ -107,6 +181,32 @@ def test_what_cannot_be_is_refused() -> None:
         }
         with pytest.raises(InputError, match=setting):
             stage._check_brdf_map(**{**whole, "light_deg": [0.0], "size_px": 9, setting: value})
+
+
+def test_a_single_row_is_what_repeats_across_it() -> None:
+    few = {"light_deg": [20.0], "size_px": 21, "wavelength_step": 50.0, "coherence_um": 8.0}
+    whole = HeightField(np.tile(grating().height_um[0], (4, 1)), 0.05)
+    for turns in (0, 1):
+        expected = brdf_map(HeightField(np.rot90(whole.height_um, turns), 0.05), **few).rgb
+        found = brdf_map(HeightField(np.rot90(whole.height_um[:1], turns), 0.05), **few).rgb
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_maps_are_compared_away_from_the_mirror_and_by_luminance() -> None:
+    dark = brdf_map(grating(), light_deg=[0.0], size_px=11, wavelength_step=50.0)
+    rgb = np.zeros((1, 11, 11, 3), np.float32)
+    rgb[0, 5, :] = [0.0, 0.02, 0.0]
+    rgb[0, 5, 5] = 10.0
+    reference, estimate = (replace(dark, rgb=rgb.copy()) for _ in range(2))
+    estimate.rgb[0, 5, 0] = [0.0, 0.04, 0.0]
+    luminance = 10 + 10 * 0.02 * 0.7152
+    assert brdf_difference(estimate, reference).metrics == {
+        "brdf_error_max_percent": pytest.approx(0.2),
+        "brdf_error_rms_percent": pytest.approx(100 / np.sqrt(10)),
+        "brdf_energy_percent": pytest.approx(100 * (1 + 0.02 * 0.7152 / luminance)),
+    }
+    reference.rgb[0, 5, [*range(5), *range(6, 11)]] = 0.0
+    assert "brdf_error_rms_percent" not in brdf_difference(estimate, reference).metrics
 
 
 def test_maps_of_other_lights_are_not_compared() -> None:
@@ -119,3 +219,13 @@ def test_maps_of_other_lights_are_not_compared() -> None:
     }
     with pytest.raises(InputError, match="differ in size or lights"):
         brdf_difference(first, second)
+
+
+def test_what_would_take_hours_or_all_memory_is_refused_with_the_likely_mistake() -> None:
+    few = {"light_deg": [10.0], "size_px": 11, "wavelength_step": 50.0}
+    in_nm = grating(depth_um=250.0)
+    with pytest.raises(InputError, match=r"a relief of 250 um asks chebyshev for \d{4} terms[\s\S]*in um, and"):
+        brdf_map(in_nm, **few)
+    wide = HeightField(grating().height_um[:32, :32], 1000.0, periodic=True)
+    with pytest.raises(InputError, match=r"3.2e\+04 x 3.2e\+04 um has \d+ x \d+ spectral lines[\s\S]*pitch of 1000 um"):
+        brdf_map(wide, **few)

@@ -41,7 +41,7 @@ def test_the_published_blaze_is_met_as_closely_or_closer(
 ) -> None:
     """Single 2014, figures 3.9 to 3.11: estimates of a period of 2500 nm for light at 75 degrees."""
     found = diffraction_peaks(sawtooth, periodicity(sawtooth), evaluator=evaluator)
-    assert found.metrics["peaks_percent"] == 100
+    assert found.metrics["peaks"] == len(found.wavelength_nm)
     assert abs(1000 * found.metrics["period_um"] - 2500) <= abs(published_nm - 2500)
     assert found.metrics["period_spread_nm"] <= published_spread_nm
 
@@ -153,7 +153,7 @@ def test_a_mirror_has_no_peak_and_the_warning_says_what_was_compared(caplog: pyt
     mirror = HeightField(np.zeros((40, 40)), 0.1, periodic=True)
     found = diffraction_peaks(mirror, near_um=2.0, **COARSE)
     assert np.isnan(found.period_um).all()
-    assert found.metrics == {"peaks": 0, "peaks_percent": 0}
+    assert found.metrics == {"peaks": 0}
     assert "At 9 of 9 wavelengths no peak of order 1 stands out: none within 20 percent of 2 um is" in caplog.text
     caplog.clear()
     assert np.isnan(diffraction_peaks(mirror, **COARSE).near_um)
@@ -204,3 +204,36 @@ def test_impossible_settings_are_refused(setting: dict[str, float], message: str
     _check_diffraction_peaks(**usual)
     with pytest.raises((InputError, InputErrors), match=message):
         _check_diffraction_peaks(**{**usual, **setting})
+
+
+@pytest.mark.parametrize("order", [1, 2, -1])
+def test_the_search_ends_half_way_to_the_next_order(order: int) -> None:
+    """Order 2 of this cosine outshines order 1 at most wavelengths, so a wider search would end on its flank."""
+    surface = cosine_grating(depth_um=0.4)
+    how = {"near_um": 2.5, "order": order, "light_deg": 10.0, "wavelength_step": 40.0}
+    wide, narrow = (diffraction_peaks(surface, search_percent=part, **how) for part in (50.0, 15.0))
+    known = np.isfinite(narrow.period_um)
+    assert known.sum() >= 9
+    np.testing.assert_allclose(wide.period_um[known], narrow.period_um[known], rtol=1e-9)
+
+
+def test_lines_narrower_than_the_angular_step_are_told(sawtooth: HeightField, caplog: pytest.LogCaptureFixture) -> None:
+    few = {"near_um": 2.5, "wavelength_step": 50.0}
+    wide = diffraction_peaks(sawtooth, coherence_um=600.0, **few)
+    assert "too narrow" not in caplog.text
+    coarse = diffraction_peaks(sawtooth, coherence_um=2000.0, **few)
+    assert "too narrow for steps of 0.05 degrees" in caplog.text
+    caplog.clear()
+    fine = diffraction_peaks(sawtooth, coherence_um=2000.0, angle_step_deg=0.01, **few)
+    assert "too narrow" not in caplog.text
+    off_nm = [1000 * abs(one.metrics["period_um"] - 2.5) for one in (wide, coarse, fine)]
+    assert max(off_nm[0], off_nm[2]) < 1e-3
+    assert off_nm[1] > 0.1
+
+
+@pytest.mark.parametrize(("depth_um", "peaks"), [(1e-5, 0.0), (0.01, 9.0)])
+def test_orders_fainter_than_the_tolerance_are_no_peaks(depth_um: float, peaks: float) -> None:
+    """Order 1 of a cosine has the power ``J_1(pi |w| depth / lambda)^2``, against 4 times ``tolerance^2``."""
+    surface = cosine_grating(depth_um=depth_um)
+    found = diffraction_peaks(surface, evaluator="flss", terms=4, near_um=2.5, wavelength_step=50.0)
+    assert found.metrics["peaks"] == peaks

@@ -9,9 +9,10 @@ import pytest
 
 from pipeline.data.height_fields import HeightField
 from pipeline.errors import InputError, InputErrors
-from pipeline.optics.diffraction.directions import unit_vector
+from pipeline.optics.diffraction.directions import Directions, unit_vector
 from pipeline.optics.diffraction.patch import frequency_sigma
 from pipeline.optics.rasterise import Camera
+from pipeline.optics.shaded_points import blended
 from pipeline.stages.render.brdf_map import brdf_map
 from pipeline.stages.render.diffraction_shading import _check_diffraction_shading, diffraction_shading
 from pipeline.stages.simulate.blaze import blaze
@@ -41,15 +42,28 @@ def test_a_flat_plate_is_a_mirror_where_the_half_vector_is_its_normal(light_deg:
 @pytest.mark.parametrize("pixel", [(22, 20), (28, 11), (20, 25)])
 @pytest.mark.parametrize("evaluator", ["chebyshev", "flss"])
 def test_a_plate_far_away_has_the_colour_of_the_brdf_in_that_direction(pixel: tuple[int, int], evaluator: str) -> None:
-    """Per unit of light on it, and times what a mirror's solid angle makes of its reflectance."""
+    """Times what a mirror's solid angle makes of its reflectance."""
     how = {"evaluator": evaluator, "coherence_um": 10.0, "light_deg": [20.0], "light_azimuth_deg": 50.0}
     expected = brdf_map(BLAZE, **how, size_px=41).rgb[0][pixel]
     x, y = (2 * pixel[1] + 1) / 41 - 1, 1 - (2 * pixel[0] + 1) / 41
     towards = {"camera_deg": np.rad2deg(np.arcsin(np.hypot(x, y))), "camera_azimuth_deg": np.rad2deg(np.arctan2(y, x))}
     (rgb,) = diffraction_shading(BLAZE, **FAR, **towards, **{**how, "light_deg": 20.0}, diffuse_share=0.0).rgb
-    mirror = 0.04 / (frequency_sigma(10.0) * 0.55) ** 2 * np.cos(np.deg2rad(20.0))
+    mirror = 0.04 / (frequency_sigma(10.0) * 0.55) ** 2
     assert expected.max() > 1e-4
     np.testing.assert_allclose(rgb, np.broadcast_to(mirror * expected, rgb.shape), rtol=0.02, atol=0.01 * rgb.max())
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 40.0, 70.0])
+def test_a_mirror_sends_on_the_share_of_the_light_that_fresnel_reflection_says(angle_deg: float) -> None:
+    """Radiance relative to a white surface's, over solid angle and ``cos r``: ``pi R cos i``; ``cos r dw = du dv``."""
+    sine, cosine, width = np.sin(np.deg2rad(angle_deg)), np.cos(np.deg2rad(angle_deg)), 0.55 * frequency_sigma(65.0)
+    u, v = (part.ravel() for part in np.meshgrid(*[np.linspace(-4, 4, 81) * width] * 2))
+    view = np.stack([u - sine, v, np.sqrt(1 - (u - sine) ** 2 - v**2)], axis=-1)
+    to = Directions(np.broadcast_to([sine, 0.0, cosine], view.shape), view)
+    response = np.exp(-(u**2 + v**2) / width**2)[:, None] * np.ones(3)
+    how = {"diffuse_share": 0.0, "coherence_um": 65.0, "refractive_index": 1.5, "shadowed": False}
+    sent = blended(response, np.zeros_like(view), to, **how).sum(axis=0) * (width / 10) ** 2
+    np.testing.assert_allclose(sent, np.pi * cosine * (0.04 + 0.96 * (1 - cosine) ** 5), rtol=0.01)
 
 
 def test_a_turned_surface_is_a_turned_height_field() -> None:
@@ -74,9 +88,11 @@ def test_a_surface_turned_with_light_and_camera_looks_the_same() -> None:
     assert seen[0].max() > 0.01
 
 
-def test_pigment_alone_is_matt_below_a_surface_that_reflects() -> None:
+@pytest.mark.parametrize("samples", [1, 3])
+def test_pigment_alone_is_matt_below_a_surface_that_reflects(samples: int) -> None:
     """Schlick at 40 degrees for n = 1.5."""
-    (rgb,) = diffraction_shading(BLAZE, **FAR, texture="grey", light_deg=40.0, diffuse_share=1.0).rgb
+    how = {**FAR, "samples": samples, "texture": "grey", "light_deg": 40.0, "diffuse_share": 1.0}
+    (rgb,) = diffraction_shading(BLAZE, **how).rgb
     cosine = np.cos(np.deg2rad(40.0))
     np.testing.assert_allclose(rgb, 0.18 * cosine * (1 - 0.04 - 0.96 * (1 - cosine) ** 5), rtol=1e-6)
 
@@ -101,6 +117,11 @@ def test_samples_average_over_pixels_and_over_places_on_the_surface() -> None:
     assert spread[1] < 0.8 * spread[0]
 
 
+def test_what_is_wrong_with_a_surface_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    diffraction_shading(HeightField(np.zeros((8, 8)), 2.0, periodic=True), **{**SMALL, "samples": 3})
+    assert caplog.text.count("Samples 2 um apart hold orders") == 1
+
+
 def test_pictures_zoom_in_by_their_distances() -> None:
     pictures = diffraction_shading(BLAZE, **{**SMALL, "distance_mm": [900.0, 300.0]}, diffuse_share=1.0)
     assert pictures.labels == ("900 mm away, 317 mm wide", "300 mm away, 106 mm wide")
@@ -122,6 +143,7 @@ def test_what_cannot_be_photographed_is_told() -> None:
         ("distance_mm", [], "distance_mm is empty"),
         ("distance_mm", [900.0, 5.0], "distance_mm is 5[\\s\\S]*at least 20"),
         ("light_deg", 90.0, "light_deg is 90[\\s\\S]*0 to 89"),
+        ("refractive_index", 1.0, "refractive_index is 1, of which"),
         ("diffuse_share", 1.5, "diffuse_share is 1.5[\\s\\S]*0 to 1"),
         ("field_of_view_deg", 150.0, "field_of_view_deg is 150[\\s\\S]*at most 120"),
     ],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.data.pictures import Pictures
+from pipeline.data.pictures import Pictures, PictureSeries
 from pipeline.errors import InputError
 from pipeline.optics.colour import encode_srgb
 from pipeline.stages.evaluate.picture_difference import picture_difference
@@ -35,3 +35,10 @@ def test_pictures_that_cannot_be_compared_are_refused() -> None:
         picture_difference(pictures(1, 1), Pictures(np.ones((1, 3, 2, 3), np.float32), ("one",)))
     with pytest.raises(InputError, match="the reference is black"):
         picture_difference(pictures(1, 1), pictures(0, 0))
+
+
+def test_pictures_under_a_torch_compare_alike() -> None:
+    first, second = (PictureSeries(pictures(value, 0.25).rgb, np.zeros((1, 3)), np.zeros(3)) for value in (0.5, 1.0))
+    assert (
+        picture_difference(first, second).metrics == picture_difference(pictures(0.5, 0.25), pictures(1, 0.25)).metrics
+    )

@@ -55,11 +55,12 @@ def disc_of_views(light: Float64Array, size: int) -> Directions:
 
 
 def relative_gain(directions: Directions, *, refractive_index: float = 1.5, shadowed: bool = True) -> Float64Array:
-    """What the relative response is multiplied with to be a BRDF relative to that of a mirror at normal incidence.
+    """What the response is multiplied with to be radiance relative to that of a mirror at normal incidence.
 
     ``F^2 / F_0^2 (1 + i . r)^2 / ((cos i + cos r)^2 cos r)`` times the shadowing of V-shaped grooves, which removes the
-    pole at grazing views. F is the amplitude, so that its square is the reflectance, which is Schlick's; the source
-    takes that for F and squares it, which makes grazing views up to 25 times too bright.
+    pole at grazing views. Over ``cos i`` it is a BRDF, the same both ways. F is the amplitude, so its square is the
+    reflectance, which is Schlick's; the source takes that for F and squares it, which makes grazing views up to 25
+    times too bright.
 
     References
     ----------

@@ -21,8 +21,9 @@ Evaluator = Literal["chebyshev", "flss", "nmm", "pq", "pq_sinc", "gem", "nufft",
 
 NEEDS_LATTICE: tuple[Evaluator, ...] = ("nmm", "gem")
 _SINC_REACH = 2
-_HIGHEST_ORDER = 40
+_HIGHEST_ORDER = 1000
 _REFERENCE = 1e-6
+_SINGLE = float(np.finfo(np.float32).eps)
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,11 @@ def prepared(recipe: Recipe, patch: Patch, directions: Directions, wavelength_um
 def terms_and_error(
     recipe: Recipe, patch: Patch, directions: Directions, wavelength_um: Float64Array
 ) -> tuple[int, float] | None:
-    """Terms that the evaluator takes and the bound of the amplitude's error that they leave; None if it has none."""
+    """Terms that the evaluator takes and a bound of the amplitude's error; None if it has none.
+
+    The bound is the larger of what terms leave and what single precision rounds: the amplitude, and of ``chebyshev``
+    the phase too.
+    """
     if recipe.evaluator in ("gem", "nufft", "direct"):
         return None
     w = directions.uvw[2]
@@ -114,10 +119,11 @@ def terms_and_error(
         low, high = quotient_range(w, wavelength_um)
         phase = np.pi * (high - low) * patch.relief_um / 2
         terms = recipe.terms or degree_for(phase, recipe.tolerance)
-        return terms, float(chebyshev_errors(phase, terms)[-1])
+        rounded = _SINGLE * (1 + phase_range(patch, w, wavelength_um) / 2)
+        return terms, max(float(chebyshev_errors(phase, terms)[-1]), rounded)
     phase = phase_range(patch, w, wavelength_um)
     terms = recipe.terms or taylor_terms(phase, recipe.tolerance)
-    return terms, taylor_error(phase, terms)
+    return terms, max(taylor_error(phase, terms), _SINGLE)
 
 
 def lattice_orders(
@@ -129,7 +135,10 @@ def lattice_orders(
     """Orders ``m a + n b`` of one or two frequencies that the directions can reach, shape (O, 2)."""
     reach = [quotient_range(part, wavelength_um) for part in uvw[:2]]
     margin = 6 * frequency_sigma(coherence_um)
-    whole = np.arange(-_HIGHEST_ORDER, _HIGHEST_ORDER + 1)
+    farthest = np.hypot(*(np.abs(ends).max() + margin for ends in reach))
+    least = np.linalg.svd(lattice_per_um[:2], compute_uv=False).min()
+    highest = min(int(farthest / least) + 1, _HIGHEST_ORDER)
+    whole = np.arange(-highest, highest + 1)
     first = whole[:, None] * lattice_per_um[0]
     second = whole[:, None] * lattice_per_um[1] if len(lattice_per_um) > 1 else np.zeros((1, 2))
     orders = (first[:, None] + second[None]).reshape(-1, 2)
@@ -137,15 +146,16 @@ def lattice_orders(
     return np.ascontiguousarray(orders[within[0] & within[1]])
 
 
-def wavelength_step_nm(directions: Directions, coherence_um: float, tolerance: float, shortest_nm: float) -> float:
-    """Widest step of the trapezoid rule over wavelengths that shows every order.
+def wavelength_step_nm(
+    directions: Directions, coherence_um: float, relief_um: float, tolerance: float, shortest_nm: float
+) -> float:
+    """Widest step of the trapezoid rule over wavelengths that shows every order, and the fringes within it.
 
-    At a direction ``(u, v)`` an order is a Gaussian over the wavelength, of standard deviation ``lambda^2 sigma_f /
-    (sqrt 2 |(u, v)|)``. Its sum over equal steps ``s`` errs by ``2 exp(-2 pi^2 sigma^2 / s^2)`` of its area.
+    At a direction ``(u, v, w)`` an order is a Gaussian over the wavelength, of standard deviation ``lambda^2 sigma_f /
+    (sqrt 2 |(u, v)|)``. Its sum over equal steps ``s`` errs by ``2 exp(-2 pi^2 sigma^2 / s^2)`` of its area. Light from
+    top and bottom of a relief ``h`` interferes in fringes ``lambda^2 / (|w| h)`` apart.
     """
-    u, v, _ = directions.uvw
-    farthest = float(np.nanmax(np.hypot(u, v)))
-    if farthest < 1e-9:
-        return 5.0
-    sigma = (shortest_nm / 1000) ** 2 * frequency_sigma(coherence_um) / np.sqrt(2) / farthest * 1000
-    return float(np.sqrt(2) * np.pi * sigma / np.sqrt(np.log(2 / tolerance)))
+    u, v, w = directions.uvw
+    across = np.sqrt(np.log(2 / tolerance)) / (np.pi * frequency_sigma(coherence_um))
+    path_um = float(np.nanmax(np.hypot(u, v) * across + np.abs(w) * relief_um))
+    return shortest_nm**2 / 1000 / max(path_um, 1e-9)

@@ -129,7 +129,9 @@ def _taylor_rows(  # type: ignore[no-untyped-def]
                 fx, fy = u[row, j] / wavelength[i], v[row, j] / wavelength[i]
                 near = len(orders) == 0
                 for o in range(len(orders)):
-                    near = near or (abs(fx - orders[o, 0]) <= radius and abs(fy - orders[o, 1]) <= radius)
+                    if abs(fx - orders[o, 0]) <= radius and abs(fy - orders[o, 1]) <= radius:
+                        near = True
+                        break
                 if not near:
                     continue
                 x0, y0 = int(np.ceil((fx - radius) / x_spacing)), int(np.ceil((fy - radius) / y_spacing))

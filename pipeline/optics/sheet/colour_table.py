@@ -21,11 +21,11 @@ Float64Array = NDArray[np.float64]
 
 REACH = 4.0
 MIDDLE_UM = 0.55
-_COLOUR_UM = 0.025
-"""Width of what is narrowest in the eye's response."""
+_COLOUR_UM, _WIDTH_UM = 0.015, 0.025
+"""Over how much of wavelength and of width colours bend: ``sqrt(colour / second derivative)``."""
 _NEGLIGIBLE = 1e-3
-_MOST_NODES = 4096
-_FINEST_NM, _COARSEST_NM = 0.1, 1.0
+_MOST_NODES = 1 << 22
+_FINEST_NM, _COARSEST_NM = 0.1, 2.0
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,11 @@ class ColourTable:
     Attributes
     ----------
     orders : ndarray of shape (M, W, S, P, 4), float32
-        Linear sRGB and a zero, of orders 1 to M, over ``w``, ``s`` and ``lambda_m``.
+        Linear sRGB and a zero, of orders 1 to M, over ``w``, the root of ``s`` and ``lambda_m``.
     zeroth : ndarray of shape (W, E, R, 4), float32
         Of order 0 over ``w``, the standard deviation that light and pixel add to the lobe, and the distance from the
         middle in standard deviations at 550 nm.
-    w, s_um, wavelength_um, added, distance : Axis
+    w, root_width, wavelength_um, added, distance : Axis
         Nodes of both.
     spread_per_um : float
         Standard deviation of an order through the coherence window over the wavelength.
@@ -69,7 +69,7 @@ class ColourTable:
     orders: Float32Array
     zeroth: Float32Array
     w: Axis
-    s_um: Axis
+    root_width: Axis
     wavelength_um: Axis
     added: Axis
     distance: Axis
@@ -110,6 +110,11 @@ def colour_table(
         Error of a colour, relative to the brightest of its order, that interpolation may make.
     normal_reflectance : float
         See :class:`ColourTable`.
+
+    Raises
+    ------
+    ValueError
+        The table would be too large: gratings are deep, or what occurs differs a lot.
     """
     per_um = float(window_spread(1.0, coherence_um))
     first, last = FIRST_NM / 1000, LAST_NM / 1000
@@ -119,11 +124,14 @@ def colour_table(
     highest = highest_order(periods_um[1], first, occurring.across)
     # Straight lines between nodes err by h^2 / 8 of the second derivative; a quarter of the tolerance for each axis.
     part = np.sqrt(2 * tolerance)
-    wavelength = _axis(max(first - REACH * wide, 0.05), last + REACH * wide, part * _COLOUR_UM)
-    s = _axis(narrow, wide, part * _COLOUR_UM)
+    wavelength = _axis(first - REACH * wide, last + REACH * wide, part * _COLOUR_UM)
+    root_width = _axis(np.sqrt(narrow), np.sqrt(wide), part * np.sqrt(_WIDTH_UM) / 2)
     w = _axis(*occurring.w, part * 2 * first / (2 * np.pi * max(depth_um, 1e-6)))
     added = _axis(np.sqrt(least), np.sqrt(most), part * 2 * per_um * MIDDLE_UM)
-    distance = _axis(0.0, REACH * last / MIDDLE_UM, part)
+    distance = _axis(0.0, REACH * last / MIDDLE_UM, part / 3)
+    nodes = highest * w.count * root_width.count * wavelength.count
+    if nodes > _MOST_NODES:
+        raise ValueError(f"a table of colours would have {nodes} nodes, more than {_MOST_NODES}")
     step = float(np.clip(600 * narrow / highest, _FINEST_NM, _COARSEST_NM))
     sampled_nm, weights = white_balanced_weights(light, step)
     sampled = sampled_nm / 1000
@@ -134,8 +142,8 @@ def colour_table(
     brightest = shares.max(axis=(1, 2))
     seen = np.flatnonzero(brightest[1:] > _NEGLIGIBLE * tolerance * brightest[1:].max())
     count = int(seen[-1]) + 1 if seen.size else 1
-    table = np.zeros((count, w.count, s.count, wavelength.count, 4), np.float32)
-    for j, width in enumerate(s.nodes):
+    table = np.zeros((count, w.count, root_width.count, wavelength.count, 4), np.float32)
+    for j, width in enumerate(root_width.nodes**2):
         away = (wavelength.nodes[:, None] - sampled) / width
         for m in range(1, count + 1):
             lobe = np.exp(-0.5 * (m * away) ** 2)
@@ -144,7 +152,7 @@ def colour_table(
         orders=table,
         zeroth=_zeroth(shares[0], colour, sampled, per_um, added, distance),
         w=w,
-        s_um=s,
+        root_width=root_width,
         wavelength_um=wavelength,
         added=added,
         distance=distance,
@@ -166,4 +174,4 @@ def _zeroth(
 
 def _axis(low: float, high: float, step: float) -> Axis:
     high = max(high, low * (1 + 1e-6) + 1e-9)
-    return Axis(float(low), float(high), int(np.clip(np.ceil((high - low) / step) + 1, 2, _MOST_NODES)))
+    return Axis(float(low), float(high), max(2, int(np.ceil((high - low) / step)) + 1))

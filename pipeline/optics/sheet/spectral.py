@@ -17,7 +17,7 @@ Float64Array = NDArray[np.float64]
 
 REACH = 4.0
 """Standard deviations beyond which a lobe counts as dark: 3e-4 of its peak."""
-_DEPTH_STEPS = 1024
+_DEPTH_STEPS, _DEPTH_STEP = 1024, 0.03
 _SHALLOWEST = 1e-6
 
 
@@ -68,7 +68,7 @@ def spectral_table(
     wavelength = wavelength_nm / 1000
     deepest = max(float(2 * np.pi / wavelength[0] * 2 * depth_um), _SHALLOWEST)
     count = highest_order(longest_period_um, float(wavelength[0]), largest_half_vector) + 1
-    depths = np.linspace(0, deepest, _DEPTH_STEPS)
+    depths = np.linspace(0, deepest, max(_DEPTH_STEPS, int(deepest / _DEPTH_STEP)))
     return SpectralTable(
         wavelength_um=wavelength,
         weights=np.ascontiguousarray(weights * (0.55 / wavelength[:, None]) ** 2),
@@ -239,13 +239,14 @@ def _shade(
             geometry = fresnel * (1 + between) ** 2 / (cos_eye * w * w) * (500.0 / light_distance) ** 2
             reach_u = np.sqrt(within - square_v)
             red = green = blue = 0.0
-            for order in range(efficiency.shape[0]):
+            for order in range(1 - efficiency.shape[0], efficiency.shape[0]):
                 low, high = 0, count - 1
-                if order == 0 and u > reach_u:
+                if (order == 0 and u > reach_u) or (order < 0 and (reach_u - u) * a < -order * wavelength[0]):
                     continue
                 if order:
-                    low = max(0, int(((u - reach_u) * a / order - wavelength[0]) / step))
-                    high = min(count - 1, int(((u + reach_u) * a / order - wavelength[0]) / step) + 1)
+                    side = reach_u if order > 0 else -reach_u
+                    low = max(0, int(((u - side) * a / order - wavelength[0]) / step))
+                    high = min(count - 1, int(((u + side) * a / order - wavelength[0]) / step) + 1)
                 for i in range(low, high + 1):
                     square = spread[i] * spread[i]
                     variance_u, variance_v = square + more_u, square + more_v
@@ -255,7 +256,7 @@ def _shade(
                     position = 2 * np.pi / wavelength[i] * w * depth * depth_scale
                     node = min(int(position), efficiency.shape[1] - 2)
                     rest = position - node
-                    share = efficiency[order, node] * (1 - rest) + efficiency[order, node + 1] * rest
+                    share = efficiency[abs(order), node] * (1 - rest) + efficiency[abs(order), node + 1] * rest
                     value = lobe * share
                     red += value * weights[i, 0]
                     green += value * weights[i, 1]

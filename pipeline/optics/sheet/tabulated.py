@@ -1,4 +1,4 @@
-"""The fast renderer: geometry of short runs of pixels in vectors, then look-ups where a lobe reaches the eye."""
+"""The fast renderer: half vectors of short runs of pixels, then look-ups where a lobe reaches the eye."""
 
 from __future__ import annotations
 
@@ -8,15 +8,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.optics.colour import LAST_NM
 from pipeline.optics.sheet.colour_table import MIDDLE_UM, REACH, Axis, ColourTable
+from pipeline.optics.sheet.half_vectors import GAIN, MORE_U, MORE_V, V_SQUARE, U, W, half_vectors
 from pipeline.optics.sheet.view import View
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 
 _RUN = 128
-_U, _V2, _W, _GAIN, _MORE_U, _MORE_V, _PARTS = range(7)
-_f = np.float32
+_PERIOD, _SCALE, _PART_W, _PART_S, _PART_L, _ALL = range(6, 12)
+_REACH_SQUARE = np.float32(REACH**2)
+_f, _i, _u = np.float32, np.int32, np.uintp
+_fast = njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc", "arcp"})
+_inlined = njit(inline="always")
 
 
 def shade_rows(
@@ -49,34 +54,36 @@ def shade_rows(
         gratings,
         np.zeros((2, 1, 1), np.float32) if slopes is None else slopes,
         slopes is None,
-        view.homography.astype(np.float32),
-        view.eye_mm.astype(np.float32),
-        light_mm.astype(np.float32),
+        tuple(view.homography.astype(np.float32).ravel()),
+        tuple(view.eye_mm.astype(np.float32)),
+        tuple(light_mm.astype(np.float32)),
         _f(light_sigma_mm),
         _f(pixel_part),
-        table.orders,
-        table.zeroth,
+        _f(1 / table.normal_reflectance - 1),
+        table.orders.ravel(),
+        _steps(table.orders),
+        table.zeroth.ravel(),
+        _steps(table.zeroth),
         _line(table.w),
-        _line(table.s_um),
+        _line(table.root_width),
         _line(table.wavelength_um),
         _line(table.added),
         _line(table.distance),
         _f(table.spread_per_um),
-        _f(1 / table.normal_reflectance - 1),
     )
 
 
-def _line(axis: Axis) -> Float32Array:
-    """First node, nodes in a unit, and the last node from which another follows."""
-    return np.array([axis.low, axis.per_unit, axis.count - 1.001, axis.high], np.float32)
+def _steps(table: Float32Array) -> tuple[np.int32, ...]:
+    """Numbers from node to node along each axis."""
+    return tuple(_i(stride // table.itemsize) for stride in table.strides)
 
 
-@njit(inline="always")
-def _place(value: Any, axis: Any) -> Any:
-    return min(max((value - axis[0]) * axis[1], _f(0)), axis[2])
+def _line(axis: Axis) -> tuple[np.float32, ...]:
+    """First node, nodes in a unit, the last place from which another node follows, and the last node."""
+    return _f(axis.low), _f(axis.per_unit), _f(axis.count - 1.001), _f(axis.high)
 
 
-@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc", "arcp"})
+@_fast
 def _shade(
     rgb: Any,
     first: int,
@@ -84,123 +91,178 @@ def _shade(
     gratings: Any,
     slopes: Any,
     flat: bool,
-    hom: Any,
+    homography: Any,
     eye: Any,
     light: Any,
     light_sigma: Any,
     part: Any,
+    fresnel: Any,
     orders: Any,
+    steps: Any,
     zeroth: Any,
+    zeroth_steps: Any,
     w_axis: Any,
-    s_axis: Any,
+    width_axis: Any,
     wavelength_axis: Any,
     added_axis: Any,
     distance_axis: Any,
     per_um: Any,
-    fresnel: Any,
 ) -> None:
-    columns = gratings.shape[2]
-    run = np.empty((_PARTS, _RUN), np.float32)
-    lit = np.empty(_RUN, np.bool_)
-    which = np.empty(_RUN, np.int32)
-    reach = _f(REACH * REACH)
-    violet, red_end = wavelength_axis[0], wavelength_axis[3]
-    widest = (per_um * _f(0.78)) ** 2
-    middle = (per_um * _f(MIDDLE_UM)) ** 2
-    highest = orders.shape[0]
+    run, lit_run = np.empty((_ALL, _RUN), np.float32), np.empty((_ALL, _RUN), np.float32)
+    lit, which = np.empty(_RUN, np.bool_), np.empty(_RUN, np.int32)
+    cell, cell_w = np.empty(_RUN, np.int32), np.empty(_RUN, np.int32)
+    colour = np.empty((3, _RUN), np.float32)
+    widest = (per_um * _f(LAST_NM / 1000)) ** 2
+    violet, red = wavelength_axis[0], wavelength_axis[3]
     for row in range(first, last):
-        r = _f(row)
-        x0, y0, z0 = hom[0, 1] * r + hom[0, 2], hom[1, 1] * r + hom[1, 2], hom[2, 1] * r + hom[2, 2]
-        for start in range(0, columns, _RUN):
-            length = min(_RUN, columns - start)
-            cosine, sine = gratings[0, row, start : start + length], gratings[1, row, start : start + length]
-            period = gratings[2, row, start : start + length]
-            for j in range(length):
-                column = _f(start + j)
-                scale = _f(1) / (hom[2, 0] * column + z0)
-                x, y = (hom[0, 0] * column + x0) * scale, (hom[1, 0] * column + y0) * scale
-                lx, ly, lz = light[0] - x, light[1] - y, light[2]
-                cx, cy, cz = eye[0] - x, eye[1] - y, eye[2]
-                by_light = _f(1) / np.sqrt(lx * lx + ly * ly + lz * lz)
-                by_eye = _f(1) / np.sqrt(cx * cx + cy * cy + cz * cz)
-                lx, ly, lz = lx * by_light, ly * by_light, lz * by_light
-                cx, cy, cz = cx * by_eye, cy * by_eye, cz * by_eye
-                tx, ty = cosine[j], sine[j]
-                hx, hy, w = lx + cx, ly + cy, lz + cz
-                u, v = hx * tx + hy * ty, hy * tx - hx * ty
-                more = light_sigma * by_light
-                more *= more
-                between = lx * cx + ly * cy + lz * cz
-                bend = _f(1) - np.sqrt(_f(0.5) * (_f(1) + between))
-                square = bend * bend
-                gain = (_f(1) + fresnel * square * square * bend) * (_f(1) + between) ** 2
-                gain *= (_f(500) * by_light) ** 2 / (cz * w * w)
-                run[_U, j], run[_V2, j], run[_W, j], run[_GAIN, j] = abs(u), v * v, w, gain
-                run[_MORE_U, j] = more
-                run[_MORE_V, j] = more
-            for j in range(length):
-                sigma2 = reach * (widest + run[_MORE_U, j])
-                away = run[_U, j] * period[j]
-                inside = (run[_V2, j] < sigma2) & (period[j] > _f(0))
-                lit[j] = inside & ((away > violet) | (run[_U, j] * run[_U, j] < sigma2))
-            count = 0
-            for j in range(length):
-                which[count] = j
-                count += lit[j]
+        for start in range(0, gratings.shape[2], _RUN):
+            end = min(start + _RUN, gratings.shape[2])
+            period = gratings[2, row, start:end]
+            slope_x = period if flat else slopes[0, row, start:end]
+            slope_y = period if flat else slopes[1, row, start:end]
+            half_vectors(
+                run,
+                lit,
+                row,
+                start,
+                end - start,
+                gratings[0, row, start:end],
+                gratings[1, row, start:end],
+                slope_x,
+                slope_y,
+                flat,
+                homography,
+                eye,
+                light,
+                light_sigma,
+                part,
+                fresnel,
+            )
+            for j in range(end - start):
+                near = run[V_SQUARE, j] < _REACH_SQUARE * (widest + run[MORE_V, j])
+                mirror = run[U, j] * run[U, j] < _REACH_SQUARE * (widest + run[MORE_U, j])
+                lit[j] &= near & (period[j] > _f(0)) & (mirror | (run[U, j] * period[j] > violet))
+            count = _listed(lit, end - start, which)
+            least, most = _f(np.inf), _f(0)
             for k in range(count):
                 j = which[k]
-                u, v2, w = run[_U, j], run[_V2, j], run[_W, j]
-                more_u, more_v, a = run[_MORE_U, j], run[_MORE_V, j], period[j]
-                at_w = _place(w, w_axis)
-                iw = int(at_w)
-                fw = at_w - _f(iw)
-                red = green = blue = _f(0)
-                if u * u < reach * (widest + more_u):
-                    var_u, var_v = middle + more_u, middle + more_v
-                    both = np.sqrt(var_u * var_v)
-                    at_r = np.sqrt(u * u / var_u + v2 / var_v)
-                    at_r = _place(at_r, distance_axis)
-                    ir = int(at_r)
-                    fr = at_r - _f(ir)
-                    at_s = _place(np.sqrt(max(both - middle, _f(0))), added_axis)
-                    ie = int(at_s)
-                    fe = at_s - _f(ie)
-                    one = _f(1) / both
-                    for dw in range(2):
-                        one_w = one * (fw if dw else _f(1) - fw)
-                        for ds in range(2):
-                            one_s = one_w * (fe if ds else _f(1) - fe)
-                            here, there = zeroth[iw + dw, ie + ds, ir], zeroth[iw + dw, ie + ds, ir + 1]
-                            near, far = one_s * (_f(1) - fr), one_s * fr
-                            red += here[0] * near + there[0] * far
-                            green += here[1] * near + there[1] * far
-                            blue += here[2] * near + there[2] * far
-                away = a * u
-                m = max(int(away / red_end), 1)
-                while m <= highest and away > violet * _f(m):
-                    wavelength = away / _f(m)
-                    m += 1
-                    spread2 = (per_um * wavelength) ** 2
-                    var_u, var_v = spread2 + more_u, spread2 + more_v
-                    if wavelength > red_end or v2 > reach * var_v:
-                        continue
-                    one = np.exp(_f(-0.5) * v2 / var_v) / np.sqrt(var_u * var_v)
-                    at_l = _place(wavelength, wavelength_axis)
-                    il = int(at_l)
-                    fl = at_l - _f(il)
-                    at_s = _place(a * np.sqrt(var_u), s_axis)
-                    js = int(at_s)
-                    fs = at_s - _f(js)
-                    for dw in range(2):
-                        one_w = one * (fw if dw else _f(1) - fw)
-                        for ds in range(2):
-                            one_s = one_w * (fs if ds else _f(1) - fs)
-                            here, there = orders[m - 2, iw + dw, js + ds, il], orders[m - 2, iw + dw, js + ds, il + 1]
-                            near, far = one_s * (_f(1) - fl), one_s * fl
-                            red += here[0] * near + there[0] * far
-                            green += here[1] * near + there[1] * far
-                            blue += here[2] * near + there[2] * far
-                gain = run[_GAIN, j]
-                rgb[row, start + j, 0] += gain * red
-                rgb[row, start + j, 1] += gain * green
-                rgb[row, start + j, 2] += gain * blue
+                for quantity in range(GAIN + 1):
+                    lit_run[quantity, k] = run[quantity, j]
+                lit_run[_PERIOD, k] = period[j]
+                away = period[j] * run[U, j]
+                least, most = min(least, away), max(most, away)
+                colour[0, k] = colour[1, k] = colour[2, k] = _f(0)
+            for k in range(count):
+                at_w = _place(lit_run[W, k], w_axis)
+                cell_w[k] = _i(at_w)
+                lit_run[_PART_W, k] = at_w - _f(_i(at_w))
+            _find_zeroth(lit_run, cell_w, count, cell, lit, zeroth_steps, added_axis, distance_axis, per_um)
+            _look_up(zeroth, cell, zeroth_steps[0], zeroth_steps[1], lit, count, lit_run, colour)
+            for m in range(1, orders.size // steps[0] + 1):
+                for order in (_f(m), _f(-m)):
+                    ends = least / order, most / order
+                    if max(ends) > violet and min(ends) < red:
+                        base = (m - 1) * steps[0]
+                        _find_order(
+                            order, base, lit_run, cell_w, count, cell, lit, steps, width_axis, wavelength_axis, per_um
+                        )
+                        _look_up(orders, cell, steps[1], steps[2], lit, count, lit_run, colour)
+            for k in range(count):
+                column, gain = start + which[k], lit_run[GAIN, k]
+                for channel in range(3):
+                    rgb[row, column, channel] += gain * colour[channel, k]
+
+
+@_fast
+def _listed(chosen: Any, length: int, which: Any) -> int:
+    """Write down which are chosen, and return how many."""
+    count = 0
+    for j in range(length):
+        which[count] = j
+        count += chosen[j]
+    return count
+
+
+@_inlined
+def _place(value: Any, axis: Any) -> Any:
+    """Where between the nodes of an axis, in nodes."""
+    return min(max((value - axis[0]) * axis[1], _f(0)), axis[2])
+
+
+@_inlined
+def _exponential(x: Any) -> Any:
+    """``exp(-x)`` for x in [0, 8], to 2e-4 of 1: that of a sixteenth by its series, to the sixteenth power."""
+    y = x * _f(-1 / 16)
+    y = _f(1) + y * (_f(1) + y * (_f(1 / 2) + y * (_f(1 / 6) + y * _f(1 / 24))))
+    y *= y
+    y *= y
+    y *= y
+    return y * y
+
+
+@_fast
+def _find_zeroth(
+    run: Any, cell_w: Any, count: int, cell: Any, lit: Any, steps: Any, added_axis: Any, distance_axis: Any, per_um: Any
+) -> None:
+    """Where in its table the order 0 of each pixel lies, and whether it reaches the eye."""
+    middle, widest = (per_um * _f(MIDDLE_UM)) ** 2, (per_um * _f(LAST_NM / 1000)) ** 2
+    for k in range(count):
+        u = run[U, k]
+        var_u, var_v = middle + run[MORE_U, k], middle + run[MORE_V, k]
+        both = np.sqrt(var_u * var_v)
+        at_l = _place(np.sqrt(u * u / var_u + run[V_SQUARE, k] / var_v), distance_axis)
+        at_s = _place(np.sqrt(max(both - middle, _f(0))), added_axis)
+        run[_PART_L, k], run[_PART_S, k] = at_l - _f(_i(at_l)), at_s - _f(_i(at_s))
+        run[_SCALE, k] = _f(1) / both
+        cell[k] = cell_w[k] * steps[0] + _i(at_s) * steps[1] + _i(at_l) * steps[2]
+        lit[k] = u * u < _REACH_SQUARE * (widest + run[MORE_U, k])
+
+
+@_fast
+def _find_order(
+    order: Any,
+    base: Any,
+    run: Any,
+    cell_w: Any,
+    count: int,
+    cell: Any,
+    lit: Any,
+    steps: Any,
+    width_axis: Any,
+    axis: Any,
+    per_um: Any,
+) -> None:
+    """Where in its table, which starts at ``base``, an order of each pixel lies, and whether it reaches the eye."""
+    for k in range(count):
+        wavelength = run[_PERIOD, k] * run[U, k] / order
+        square = (per_um * wavelength) ** 2
+        var_u, var_v = square + run[MORE_U, k], square + run[MORE_V, k]
+        across = run[V_SQUARE, k] / var_v
+        at_l = _place(wavelength, axis)
+        at_s = _place(np.sqrt(run[_PERIOD, k] * np.sqrt(var_u)), width_axis)
+        run[_PART_L, k], run[_PART_S, k] = at_l - _f(_i(at_l)), at_s - _f(_i(at_s))
+        run[_SCALE, k] = _exponential(min(_f(0.5) * across, _f(8))) / np.sqrt(var_u * var_v)
+        cell[k] = base + cell_w[k] * steps[1] + _i(at_s) * steps[2] + _i(at_l) * steps[3]
+        lit[k] = (across < _REACH_SQUARE) & (wavelength > axis[0]) & (wavelength < axis[3])
+
+
+@_fast
+def _look_up(table: Any, cell: Any, step_w: Any, step_s: Any, lit: Any, count: int, run: Any, colour: Any) -> None:
+    """Add the colours between the eight nodes around each pixel's place."""
+    over, further, next_ = _u(step_w), _u(step_s), _u(4)
+    for k in range(count):
+        if not lit[k]:
+            continue
+        near, far = _f(1) - run[_PART_L, k], run[_PART_L, k]
+        here, after = run[_SCALE, k] * (_f(1) - run[_PART_W, k]), run[_SCALE, k] * run[_PART_W, k]
+        s1 = run[_PART_S, k]
+        s0 = _f(1) - s1
+        at = _u(cell[k])
+        for channel in range(3):
+            a, b = at + _u(channel), at + over + _u(channel)
+            c, d = a + further, b + further
+            low = near * table[a] + far * table[a + next_]
+            high = near * table[b] + far * table[b + next_]
+            low_s = near * table[c] + far * table[c + next_]
+            high_s = near * table[d] + far * table[d + next_]
+            colour[channel, k] += here * (s0 * low + s1 * low_s) + after * (s0 * high + s1 * high_s)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
+
+import numpy as np
 
 from pipeline.data.height_fields import HeightField
 from pipeline.devices.height_files import MapDescription, read_height_file
 from pipeline.devices.height_folder import read_height_folder
 from pipeline.limits import above_zero, refuse
+
+_log = logging.getLogger(__name__)
+_LEAST_UM = 1e-5
+"""A tenth of an atom: no instrument resolves less."""
 
 
 def height_map(
@@ -43,16 +50,21 @@ def height_map(
     Returns
     -------
     HeightField
-        float32; NaN where nothing was measured. Pixels that were not square are resampled to the smaller pitch.
+        float32; NaN where nothing was measured. Pixels that were not square are resampled to the smaller pitch. Heights
+        that look as if they were in another unit than um, deeper than the map is wide or far less than an atom, are
+        warned of.
 
     Raises
     ------
     InputError, InputErrors
         The file is missing, unreadable, in colour, or says too little, or a package that reads it is not installed.
     """
-    refuse(above_zero(pitch_um=pitch_um, full_height_um=full_height_um))
-    told = MapDescription(pitch_um, full_height_um, channel, periodic, caption)
-    return read_height_folder(file, told) if file.is_dir() else read_height_file(file, told)
+    field = _read(file, MapDescription(pitch_um, full_height_um, channel, periodic, caption))
+    relief = float(np.nanmax(field.height_um) - np.nanmin(field.height_um))
+    width = max(field.height_um.shape) * field.pitch_um
+    if relief > width or 0 < relief < _LEAST_UM:
+        _log.warning("Heights span %.3g um on a map %.3g um wide: are heights and pitch both in um?", relief, width)
+    return field
 
 
 def _check_height_map(
@@ -65,11 +77,9 @@ def _check_height_map(
     caption: str,
 ) -> None:
     """Decode the file before anything runs."""
-    height_map(
-        file=file,
-        pitch_um=pitch_um,
-        full_height_um=full_height_um,
-        channel=channel,
-        periodic=periodic,
-        caption=caption,
-    )
+    _read(file, MapDescription(pitch_um, full_height_um, channel, periodic, caption))
+
+
+def _read(file: Path, told: MapDescription) -> HeightField:
+    refuse(above_zero(pitch_um=told.pitch_um, full_height_um=told.full_height_um))
+    return read_height_folder(file, told) if file.is_dir() else read_height_file(file, told)

@@ -25,8 +25,8 @@ def brdf_difference(estimate: BrdfMap, reference: BrdfMap) -> Metrics:
     Metrics
         ``brdf_error_max_percent``, the largest difference of any colour relative to the reference's largest value;
         ``brdf_error_rms_percent``, the root mean square difference relative to that of the reference away from the
-        mirror's direction, which would hide the rest; and ``brdf_energy_percent``, the sum of luminances relative to
-        the reference's.
+        mirror's direction, which would hide the rest, absent where nothing else is lit; and ``brdf_energy_percent``,
+        the sum of luminances relative to the reference's.
 
     Raises
     ------
@@ -42,10 +42,7 @@ def brdf_difference(estimate: BrdfMap, reference: BrdfMap) -> Metrics:
     usual = bright < np.percentile(bright[second.any(axis=-1)], 99.5)
     difference = first - second
     rms, usual_rms = (np.sqrt((part[usual] ** 2).mean()) for part in (difference, second))
-    return Metrics(
-        {
-            "brdf_error_max_percent": 100 * float(np.abs(difference).max() / np.abs(second).max()),
-            "brdf_error_rms_percent": 100 * float(rms / usual_rms),
-            "brdf_energy_percent": 100 * float((first @ LUMINANCE).sum() / bright.sum()),
-        }
-    )
+    figures = {"brdf_error_max_percent": 100 * float(np.abs(difference).max() / np.abs(second).max())}
+    if usual_rms > 0:
+        figures["brdf_error_rms_percent"] = 100 * float(rms / usual_rms)
+    return Metrics(figures | {"brdf_energy_percent": 100 * float((first @ LUMINANCE).sum() / bright.sum())})

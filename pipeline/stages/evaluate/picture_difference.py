@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.data.metrics import Metrics
-from pipeline.data.pictures import Pictures
+from pipeline.data.pictures import Pictures, PictureSeries
 from pipeline.errors import InputError
 from pipeline.limits import above_zero_up_to, refuse
 from pipeline.optics.colour import encode_srgb
@@ -13,12 +13,14 @@ from pipeline.optics.colour import encode_srgb
 _tolerance_picture_difference = {"metrics": 1e-2}
 
 
-def picture_difference(estimate: Pictures, reference: Pictures, *, white_percentile: float = 98.0) -> Metrics:
+def picture_difference(
+    estimate: Pictures | PictureSeries, reference: Pictures | PictureSeries, *, white_percentile: float = 98.0
+) -> Metrics:
     """Compare pictures with references where these are not black.
 
     Parameters
     ----------
-    estimate, reference : Pictures
+    estimate, reference : Pictures or PictureSeries
         As many, of the same size.
     white_percentile : float
         Percentile of the references' brightest colours that is shown as white.

@@ -85,7 +85,7 @@ def diffraction_peaks(
     -------
     DiffractionPeaks
         With the figures ``period_um``, the mean over the wavelengths; ``period_spread_nm``, their standard deviation;
-        ``peaks``, how many wavelengths show one, and ``peaks_percent``, their share; and, where ``periods`` has one in
+        ``peaks``, how many wavelengths show one; and, where ``periods`` has one in
         the plane, ``spectrum_period_um`` and ``off_spectrum_percent``.
 
     Raises
@@ -102,9 +102,10 @@ def diffraction_peaks(
     count = round(2 * _FARTHEST_DEG / angle_step_deg) + 1
     view_rad = np.deg2rad(np.linspace(-_FARTHEST_DEG, _FARTHEST_DEG, count))
     wavelength_nm = np.arange(FIRST_NM, LAST_NM + wavelength_step / 2, wavelength_step)
+    _tell_narrow_lines(angle_step_deg, coherence_um, tolerance)
     directions = plane_of_incidence(light_rad, azimuth_rad, view_rad)
     response = responses(surface, recipe, directions, wavelength_nm, np.eye(len(wavelength_nm))).sums[..., 0]
-    share = min(search_percent / 100, 0.5 / abs(order))
+    share = min(search_percent / 100, 0.5 / (abs(order) + 0.5))
     expected = _in_plane(periods, azimuth_rad)
     near = near_um or expected
     if near is None:
@@ -147,7 +148,7 @@ def diffraction_peaks(
             contrast,
         )
     known = period[np.isfinite(period)]
-    figures = {"peaks": float(known.size), "peaks_percent": 100 * known.size / period.size}
+    figures = {"peaks": float(known.size)}
     if known.size:
         figures |= {"period_um": float(known.mean()), "period_spread_nm": float(1000 * known.std())}
     if expected is not None:
@@ -168,6 +169,20 @@ def diffraction_peaks(
         surface.caption,
         figures,
     )
+
+
+def _tell_narrow_lines(angle_step_deg: float, coherence_um: float, tolerance: float) -> None:
+    """Warn where the three samples around a peak may lie beyond the window's reach, which ends at ``tolerance``."""
+    reach = np.sqrt(2 * np.log(1 / tolerance)) * frequency_sigma(coherence_um) * FIRST_NM / 1000
+    widest_deg = float(np.rad2deg(reach)) / 1.5
+    if angle_step_deg > widest_deg:
+        _log.warning(
+            "Lines under a coherence window of %g um are too narrow for steps of %g degrees: peaks are missed or "
+            "misplaced. Steps of %.2g degrees would do.",
+            coherence_um,
+            angle_step_deg,
+            0.9 * widest_deg,
+        )
 
 
 def _in_plane(periods: Periodicity | None, azimuth_rad: float) -> float | None:

@@ -9,8 +9,9 @@ import numpy as np
 
 from pipeline.data.diffraction import BrdfMap
 from pipeline.data.height_fields import HeightField, Periodicity
-from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses
-from pipeline.limits import above_zero, at_least, refuse, within
+from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses, unreflecting
+from pipeline.errors import InputError
+from pipeline.limits import at_least, refuse, within
 from pipeline.optics.colour import FIRST_NM, LAST_NM, white_balanced_weights
 from pipeline.optics.diffraction.directions import disc_of_views, relative_gain, unit_vector
 
@@ -37,12 +38,12 @@ def brdf_map(
     refractive_index: float = 1.5,
     shadowed: bool = True,
 ) -> BrdfMap:
-    """Draw the BRDF of a surface over all directions of view, relative to that of a mirror.
+    """Draw what a surface sends to all directions of view, relative to a mirror at normal incidence.
 
     The surface repeats without end, and light is coherent over a Gaussian window. At each direction and wavelength the
     response is ``|P|^2``, with ``P`` the windowed transform of ``exp(2 pi i w h / lambda)`` at ``(u, v) / lambda`` and
     ``(u, v, w) = -light - view``; it is summed over wavelengths to a colour, and multiplied with what geometry, Fresnel
-    reflection and V-shaped grooves make of it.
+    reflection and V-shaped grooves make of it. That is the BRDF times the cosine of the light's angle.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def brdf_map(
     size_px : int
         Pixels across the disc, whose edge is at grazing view.
     wavelength_step : float, optional
-        In nm; by default the widest that shows every order, from the coherence window.
+        In nm; by default the widest that shows every order, from the coherence window and the relief.
     illuminant : {"D65", "A", "inverse A", "E"}
         Spectrum of the light; a mirror under it is white.
     coherence_um : float
@@ -85,7 +86,7 @@ def brdf_map(
     Raises
     ------
     InputError
-        Heights are missing, or the evaluator needs what is not there.
+        Heights are missing or differ too much, or the evaluator needs what is not there.
 
     References
     ----------
@@ -97,7 +98,7 @@ def brdf_map(
     steps, metrics = list[float](), dict[str, float]()
     for picture, light in zip(rgb, lights, strict=True):
         directions = disc_of_views(light, size_px)
-        step = wavelength_step or automatic_step_nm(directions, coherence_um)
+        step = wavelength_step or automatic_step_nm(surface, directions, coherence_um)
         first = not steps
         steps.append(step)
         wavelength_nm, weights = white_balanced_weights(illuminant, step)
@@ -109,7 +110,7 @@ def brdf_map(
         gain = relative_gain(directions, refractive_index=refractive_index, shadowed=shadowed)
         picture[:] = np.nan_to_num(np.moveaxis(response.sums, 0, -1) * gain[..., None].astype(np.float32))
     if wavelength_step is None:
-        _log.info("Wavelength steps of %s nm show every order.", ", ".join(f"{step:.2g}" for step in steps))
+        _log.info("Wavelength steps are %s nm.", ", ".join(f"{step:.2g}" for step in steps))
     metrics["brdf_largest"] = float(rgb.max())
     metrics["wavelength_step_nm"] = min(steps)
     return BrdfMap(rgb, lights, evaluator, surface.caption, metrics)
@@ -128,9 +129,10 @@ def _check_brdf_map(
 ) -> None:
     """Refuse impossible directions and sizes before anything runs."""
     refuse(
+        [] if light_deg else [InputError("light_deg is empty", where="light_deg", expected="an angle or more")],
         [problem for angle in light_deg for problem in within(0, 89, light_deg=angle)],
         at_least(2, "a disc of one pixel has no directions", size_px=size_px),
         [] if wavelength_step is None else within(0.1, (LAST_NM - FIRST_NM) / 2, wavelength_step=wavelength_step),
-        above_zero(refractive_index=refractive_index),
+        unreflecting(refractive_index),
     )
     check_recipe(coherence_um=coherence_um, tolerance=tolerance, terms=terms)

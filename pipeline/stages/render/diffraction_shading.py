@@ -10,9 +10,9 @@ import numpy as np
 
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.pictures import Pictures
-from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses
+from pipeline.devices.virtual_surface import automatic_step_nm, check_recipe, recipe_of, responses, unreflecting
 from pipeline.errors import InputError
-from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within
+from pipeline.limits import above_zero_up_to, at_least, refuse, within
 from pipeline.optics.colour import FIRST_NM, LAST_NM, white_balanced_weights
 from pipeline.optics.diffraction.directions import Directions, unit_vector
 from pipeline.optics.rasterise import Camera, Fragments, interpolated, rasterised_rows
@@ -102,7 +102,7 @@ def diffraction_shading(
     evaluator, illuminant, coherence_um, tolerance, terms, refractive_index, shadowed
         As in :func:`render.brdf_map`.
     wavelength_step : float, optional
-        In nm; by default the widest that shows every order, from the coherence window.
+        In nm; by default the widest that shows every order, from the coherence window and the relief.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def diffraction_shading(
         every = Directions(*(np.concatenate([getattr(d, end) for d in directions]) for end in ("light", "view")))
         if not len(every.light):
             raise InputError("the camera sees no surface that is lit", expected="light and camera on one side of it")
-        step = step or automatic_step_nm(every, coherence_um)
+        step = step or automatic_step_nm(surface, every, coherence_um)
         wavelength_nm, weights = white_balanced_weights(illuminant, step)
         moved, together = _moved(surface, place), packed(every, _ABREAST)
         response = responses(moved, recipe, together, wavelength_nm, weights, tell=sample == 0).sums
@@ -157,7 +157,7 @@ def diffraction_shading(
         rgb[where] += colour / samples
         advance(sample + 1, samples)
     if wavelength_step is None:
-        _log.info("A wavelength step of %.2g nm shows every order.", step)
+        _log.info("The wavelength step is %.2g nm.", step)
     labels = tuple(_label(away, field_of_view_deg) for away in distance_mm)
     return Pictures(rgb.astype(np.float32), labels, surface.caption)
 
@@ -210,6 +210,6 @@ def _check_diffraction_shading(
         at_least(1, "a pixel sees one point or more", samples=samples),
         within(0, 1, diffuse_share=diffuse_share),
         [] if wavelength_step is None else within(0.1, (LAST_NM - FIRST_NM) / 2, wavelength_step=wavelength_step),
-        above_zero(refractive_index=refractive_index),
+        unreflecting(refractive_index),
     )
     check_recipe(coherence_um=coherence_um, tolerance=tolerance, terms=terms)

@@ -121,7 +121,7 @@ def point_light(
     Toisoul, Dhillon and Ghosh 2018, equation 2 and section 6.1; Stam 1999.
     """
     sheet = sheet_of(orientation, period, bumps, width_mm=width_mm, tiles=tiles)
-    caption = "Rendered: the measured maps under the same light" + offset_note(orientation)
+    caption = "Rendered from maps of orientation and period" + offset_note(orientation)
     lighting = Lighting(
         lights_mm=np.asarray(lights_mm, dtype=np.float64),
         camera_mm=np.asarray(camera_mm, dtype=np.float64),

@@ -162,7 +162,7 @@ def compact_disc(
         ratio[rows] = amplitude_ratio * (1 - excess * np.cos(2 * (incidence.azimuth_rad - direction)))
         veil[rows] = print_reflectance * _inked(radius, direction, printed)
 
-    over_rows(fill, drawing.side, tile=32)
+    over_rows(fill, drawing.columns, tile=32)
     veil += _scratched(drawing, scratches, width_mm / 2, rng)
     return GratingSample(
         orientation_rad=drawing.orientation_rad,
@@ -190,7 +190,7 @@ def _inked(radius: Float64Array, direction: Float64Array, printed: NDArray[np.bo
 
 def _scratched(drawing: Drawing, count: int, rim_mm: float, rng: np.random.Generator) -> NDArray[np.bool_]:
     """Where straight scratches run, from places on the tracks, of lengths and in directions by chance."""
-    lines = Drawing(drawing.side, drawing.pixel_mm)
+    lines = Drawing(drawing.columns, drawing.pixel_mm)
     for _ in range(count):
         start = polar(rng.uniform(TRACKS_FROM_MM, rim_mm), rng.uniform(0.0, 360.0))
         stop = rng.uniform(0.1, 0.4) * rim_mm

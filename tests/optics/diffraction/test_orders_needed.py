@@ -6,12 +6,20 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import chebyshev as polynomials
 
-from pipeline.optics.diffraction.chebyshev import degree_for
+from pipeline.optics.diffraction.chebyshev import chebyshev_response, degree_for
 from pipeline.optics.diffraction.directions import Directions, disc_of_views, relative_gain, schlick, unit_vector
+from pipeline.optics.diffraction.evaluators import (
+    Evaluator,
+    Recipe,
+    prepared,
+    terms_and_error,
+    wavelength_step_nm,
+)
+from pipeline.optics.diffraction.patch import Patch, frequency_sigma
 from pipeline.optics.diffraction.taylor import taylor_error, taylor_terms
 
 
@@ -53,6 +61,55 @@ def test_the_published_bound_for_a_bump_of_stam_is_met_by_those_terms(terms: int
     assert taylor_terms(x, published) <= terms + 1
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.01, 20), st.sampled_from(["chebyshev", "flss"]))
+def test_no_error_below_single_precision_is_promised(relief_um: float, evaluator: Evaluator) -> None:
+    directions, lam = disc_of_views(unit_vector(0.4), 8), np.array([0.4, 0.6])
+    patch = Patch(np.array([[0.0, relief_um]]), 0.1)
+    found = terms_and_error(Recipe(evaluator, tolerance=1e-9), patch, directions, lam)
+    assert found is not None
+    assert found[1] > 1e-7
+
+
+@pytest.mark.parametrize("relief_um", [0.3, 4.0, 40.0])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-9])
+def test_the_error_that_is_stated_is_held(relief_um: float, tolerance: float) -> None:
+    """Of two levels, whose phases round alike, beside a dark place, where the amplitude is small."""
+    directions, lam = disc_of_views(unit_vector(0.4, 0.5), 8), np.array([0.4, 0.6])
+    patch = Patch(np.tile([0.0, 0.0, relief_um], (2, 3)), 0.2)
+    recipe = Recipe("chebyshev", 3.0, tolerance)
+    terms, bound = terms_and_error(recipe, patch, directions, lam) or (0, np.nan)
+    amplitudes = []
+    for one in (recipe, Recipe("direct", 3.0)):
+        out = np.empty((2, 8, 8), np.float32)
+        prepared(one, patch, directions, lam).rows(directions.uvw, lam, np.eye(2), out)(0, 8)
+        amplitudes.append(np.sqrt(out))
+    assert np.abs(amplitudes[0] - amplitudes[1]).max() < 2 * max(bound, tolerance) + 1e-6
+    assert (bound > tolerance) == (tolerance < 1e-6 or (tolerance < 1e-4 and relief_um > 30))
+    table = chebyshev_response(patch, directions.uvw, lam, coherence_um=3.0, tolerance=tolerance).table
+    assert table.shape[1] == terms
+
+
+def test_wavelengths_are_a_trapezoid_rule_apart_that_holds_the_tolerance() -> None:
+    """An order and the finest fringes of a relief, summed with any offset of the steps."""
+    directions = Directions(unit_vector(0.9)[None, None], unit_vector(np.array([[0.3, 0.6]])))
+    u = float(np.abs(directions.uvw[0]).max())
+    sigma = 0.38**2 * frequency_sigma(20.0) / np.sqrt(2) / u * 1000
+    step = wavelength_step_nm(directions, 20.0, 0.0, 1e-2, 380.0)
+    for part, least, most in ((1.0, 0.008, 0.011), (0.5, 0, 1e-6)):
+        sums = [
+            np.exp(-0.5 * ((np.arange(-99, 100) + at) * part * step / sigma) ** 2).sum()
+            * part
+            * step
+            / (sigma * np.sqrt(2 * np.pi))
+            for at in np.linspace(0, 1, 9)
+        ]
+        assert least <= np.abs(np.array(sums) - 1).max() < most
+    deep = wavelength_step_nm(directions, 1e-6, 7.0, 1e-2, 380.0)
+    w = float(np.abs(directions.uvw[2]).max())
+    assert 380 / deep == pytest.approx(w * 7.0 / 0.38, rel=1e-3)
+
+
 def test_a_quarter_as_many_polynomials_as_taylor_terms_do() -> None:
     phase = 2 * np.pi * 2 / 0.38 * 0.8187
     assert degree_for(phase / 4, 1e-4) * 4 < taylor_terms(phase, 1e-4)
@@ -73,6 +130,15 @@ def test_a_mirror_at_any_angle_has_its_reflectance_once() -> None:
     mirrored = Directions(unit_vector(theta), unit_vector(theta, np.pi))
     reflectance = 0.04 + 0.96 * (1 - np.cos(theta)) ** 5
     np.testing.assert_allclose(relative_gain(mirrored, shadowed=False), np.cos(theta) * reflectance / 0.04)
+
+
+@settings(deadline=None)
+@given(st.tuples(*[st.floats(0, 1.4), st.floats(-3, 3)] * 2))
+def test_a_brdf_is_the_same_with_light_and_viewer_exchanged(angles: tuple[float, float, float, float]) -> None:
+    light, view = unit_vector(angles[0], angles[1])[None, None], unit_vector(angles[2], angles[3])[None, None]
+    there = relative_gain(Directions(light, view)) / light[..., 2]
+    back = relative_gain(Directions(view, light)) / view[..., 2]
+    np.testing.assert_allclose(there, back, rtol=1e-9)
 
 
 def test_schlick_is_the_normal_reflectance_head_on_and_one_at_grazing() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from pipeline.optics.diffraction.bumps import BumpResponse
 from pipeline.optics.diffraction.chebyshev import chebyshev_response
 from pipeline.optics.diffraction.direct import direct_response, nonuniform_response
 from pipeline.optics.diffraction.directions import Directions, disc_of_views, unit_vector
+from pipeline.optics.diffraction.evaluators import Recipe, lattice_orders, prepared
 from pipeline.optics.diffraction.patch import Patch, SpectralResponse, frequency_sigma
 from pipeline.optics.diffraction.replicas import replica_response
 from pipeline.optics.diffraction.taylor import taylor_response
@@ -140,6 +142,35 @@ def test_wavelengths_that_no_order_sends_are_left_dark_and_the_rest_is_the_same(
     assert (first[0] == 0).mean() > 0.8
 
 
+def test_orders_are_all_that_the_directions_reach() -> None:
+    to = disc_of_views(unit_vector(1.0), 21)
+    (u, v, _), lam = to.uvw, np.array([0.4, 0.7])
+    farthest = 20 * (v.max() / 0.4 + 6 * frequency_sigma(65.0))
+    assert len(lattice_orders(np.array([[0.0, 1 / 20]]), to.uvw, lam, 65.0)) == 2 * int(farthest) + 1
+    first, second = np.array([1 / 4, 1 / 30]), np.array([-1 / 9, 1 / 5])
+    found = lattice_orders(np.stack([first, second]), to.uvw, lam, 65.0)
+    m, n = np.mgrid[-90:91, -90:91]
+    every = (m[..., None] * first + n[..., None] * second).reshape(-1, 2)
+    reached = [(every[:, i] > part.min() / 0.4) & (every[:, i] < part.max() / 0.4) for i, part in enumerate((u, v))]
+    expected = {tuple(order) for order in np.round(every[reached[0] & reached[1]], 9)}
+    assert len(expected) > 400
+    assert expected <= {tuple(order) for order in np.round(found, 9)}
+
+
+def test_a_wide_grating_is_lit_as_brightly_where_only_its_orders_are_looked_at() -> None:
+    """Order 60 of 24 um at grazing views, which a list of the first 40 would leave dark."""
+    steps = np.where(np.arange(240) % 240 < 3, 0.12, 0.0)[None]
+    recipe = Recipe("flss", 60.0, 1e-3, None, np.array([[1 / 24, 0.0]]))
+    to, lam = in_plane(np.linspace(-1.4, 1.4, 141), light_rad=0.9), np.array([0.4])
+    flss, nmm = (
+        respond(prepared(replace(recipe, evaluator=name), Patch(steps, 0.1), to, lam), to, lam)
+        for name in ("flss", "nmm")
+    )
+    far = np.abs(to.uvw[0]) / 0.4 > 45 / 24
+    assert flss[0, far].max() > 1e-5
+    np.testing.assert_allclose(nmm, flss, rtol=1e-5, atol=1e-9)
+
+
 @pytest.mark.parametrize("replicas", [1, 2, 5])
 def test_patches_side_by_side_respond_as_the_sum_over_their_points(replicas: int) -> None:
     patch = rough(16, 21)
@@ -175,6 +206,25 @@ def test_regular_bumps_send_light_where_the_grating_equation_says() -> None:
     sines = -np.sin(0.4) - np.arange(-9, 10) * 0.55 / 1.6
     expected = np.sort(np.arcsin(sines[np.abs(sines) < np.sin(1.39)]))
     np.testing.assert_allclose(peaks, expected, atol=2e-4)
+
+
+def test_orders_of_bumps_are_as_wide_as_the_light_of_a_mirror() -> None:
+    lattice, random = np.array([0.3, -0.5]), np.random.default_rng(2)
+    near = np.array([0.3, -0.5]) + 0.01 * random.normal(size=(4, 6, 2))
+    view = np.concatenate([-0.55 * near, np.zeros((4, 6, 1))], axis=-1)
+    view[..., 2] = np.sqrt(1 - (view**2).sum(axis=-1))
+    to = Directions(unit_vector(0.0)[None, None], view)
+    found = respond(BumpResponse(lattice, 30.0), to, np.array([0.55]))[0]
+    expected = np.exp(-((near - lattice) ** 2).sum(axis=-1) / frequency_sigma(30.0) ** 2)
+    assert np.ptp(expected) > 0.4
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_the_reference_is_exact_whatever_the_tolerance() -> None:
+    pytest.importorskip("finufft")
+    to = scattered()
+    found = respond(prepared(Recipe("nufft", 6.0, 0.1), rough(), to, VISIBLE), to, VISIBLE)
+    np.testing.assert_allclose(found, made("direct", rough(), to, VISIBLE, 6.0), atol=1e-6)
 
 
 def test_directions_that_do_not_exist_are_dark() -> None:
