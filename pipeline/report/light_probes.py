@@ -12,7 +12,7 @@ from pipeline.report.encoded import webp_uri
 from pipeline.report.pictures import PICTURE_PIXELS, Figure
 from pipeline.report.shades import reduced
 
-_WHITE_PERCENTILE = 95.0
+_WHITE_PERCENTILE = 99.0
 """So that lamps do not darken the rest."""
 
 

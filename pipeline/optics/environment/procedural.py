@@ -15,7 +15,7 @@ Scene = Callable[[Float64Array], Float64Array]
 
 _POINTS = 4
 _SKY_BLUE, _HORIZON, _GRASS = (0.35, 0.6, 1.0), (0.9, 0.95, 1.0), (0.12, 0.14, 0.06)
-_WALL, _CEILING, _FLOOR = (0.16, 0.15, 0.14), (0.22, 0.22, 0.22), (0.10, 0.07, 0.045)
+_WALL, _CEILING, _FLOOR = (0.16, 0.15, 0.14), (0.14, 0.14, 0.14), (0.10, 0.07, 0.045)
 _DAYLIGHT, _LAMPLIGHT = (4.0, 4.6, 5.2), (1.0, 0.72, 0.42)
 _ROOM_M = (2.5, 1.5, 3.0)
 """From the sheet to the walls at its sides, to ceiling and floor, and to the wall behind the viewer."""
