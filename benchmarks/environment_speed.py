@@ -2,16 +2,19 @@
 
     python benchmarks/environment_speed.py [PROBE ...]
 
-1920 x 1080 pixels on 300 mm, orientations and periods (0.9 to 1.7 um) that vary from pixel to pixel, seen from 500 mm, in
-the procedural room and in probes of files. Seconds are the CPU's over both threads, all preparation included, best of two;
-two idle cores halve them. The reference is timed on every 8th pixel of every 8th row, brute force on every 96th. Errors
-are relative to the largest value: the root mean square, and what a thousandth of the pixels exceeds, against the sum over
-every nanometre; of brute force and the delta response against each other on the same pixels.
+1920 x 1080 pixels on 300 mm, orientations and periods (0.9 to 1.7 um) that vary from pixel to pixel, seen from 500 mm,
+in the procedural room and in probes of files. Seconds are the CPU's over all threads, preparation included, best of
+two; two idle cores halve them. Sums are timed on every 8th pixel of every 8th row, brute force on every 96th. Errors
+are relative to the largest value: the root mean square, and what a thousandth of the pixels exceeds, against the sum
+over every nanometre; those of brute force are the delta response's against it. A sheet of one period, with two by two
+points to a pixel, is for the low rank. The last line: terms of the best factorisation, by singular values, into
+functions of the place and of the orientation, without the zeroth order.
 """
 
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +23,11 @@ from numpy.typing import NDArray
 from pipeline.devices.probe_files import read_probe
 from pipeline.devices.virtual_environment import Gratings, render_in_environment
 from pipeline.devices.virtual_sheet import Sheet
+from pipeline.optics.environment import delta
+from pipeline.optics.environment.delta import tabulated_orders
 from pipeline.optics.environment.probe import Probe, pose
 from pipeline.optics.environment.procedural import SCENES, drawn
+from pipeline.optics.environment.separated import Nodes, worked_out
 from pipeline.optics.sheet.view import View, rectified
 from pipeline.parallel import cpu_meter
 
@@ -37,12 +43,14 @@ def sheet() -> Sheet:
     return Sheet(orientation.astype(np.float32), period.astype(np.float32), WIDTH_MM / COLUMNS)
 
 
-def timed(view: View, probe: Probe, rounds: int = 2, **settings: object) -> tuple[NDArray[np.float32], float]:
+def timed(
+    view: View, probe: Probe, rounds: int = 2, seen: Sheet | None = None, **settings: object
+) -> tuple[NDArray[np.float32], float]:
     """A picture and the least CPU seconds."""
     seconds = []
     for _ in range(rounds):
         with cpu_meter() as used:
-            rgb = render_in_environment(SHEET, view, probe, Gratings(), **settings)  # type: ignore[arg-type]
+            rgb = render_in_environment(seen or SHEET, view, probe, Gratings(), **settings)  # type: ignore[arg-type]
             seconds.append(used())
     return rgb, min(seconds)
 
@@ -78,6 +86,35 @@ def compare(name: str, texels: NDArray[np.float32]) -> None:
     share = ROWS * COLUMNS / (few.rows * few.columns)
     step = SELDOM // EVERY
     print(f"{'brute force, delta against it':>28} {seconds * share:8.0f} s {errors(exact[::step, ::step], brute)}")
+    even = Sheet(SHEET.orientation_rad, np.full_like(SHEET.period_um, 1.67), SHEET.pixel_mm)
+    fine, _ = timed(VIEW, probe, 1, even, evaluator="ordered", tolerance=0.003, samples=2)
+    for evaluator in ("ordered", "low_rank"):
+        found, seconds = timed(VIEW, probe, 1, even, evaluator=evaluator, tolerance=0.03, samples=2)
+        print(f"{f'one period, 0.03: {evaluator}':>28} {seconds:8.2f} s {errors(found, fine)}")
+    print(f"{'low rank':>28} {terms(probe)}")
+
+
+def terms(probe: Probe, period_um: float = 1.67) -> str:
+    """How many products of a place's and an orientation's function miss at most so much of the largest value."""
+    nodes = Nodes(EVERY * 12, (12, 21), 180, np.array([1 / period_um]))
+    orders = tabulated_orders(wavelength_step_nm=10.0, depth_um=0.12, longest_period_um=period_um)
+    orders = replace(orders, share=np.concatenate([np.zeros_like(orders.share[:1]), orders.share[1:]]))
+
+    def paint(rgb: NDArray[np.float32], gratings: NDArray[np.float32], view: View) -> None:
+        delta.shade_rows(rgb, (0, len(rgb)), gratings, view=view, probe=probe, orders=orders)
+
+    values = worked_out(nodes, VIEW, paint)[0, ..., :3]
+    matrix = np.moveaxis(values, 0, 2).reshape(nodes.places[0] * nodes.places[1], -1).astype(np.float64)
+    left, sizes, right = np.linalg.svd(matrix, full_matrices=False)
+    told = []
+    for percent in (10, 3, 1):
+        needed = next(
+            k
+            for k in range(len(sizes) + 1)
+            if np.abs(matrix - (left[:, :k] * sizes[:k]) @ right[:k]).max() <= percent / 100 * matrix.max()
+        )
+        told.append(f"{needed} for {percent} %")
+    return f"terms of {matrix.shape[0]}: " + ", ".join(told)
 
 
 SHEET = sheet()

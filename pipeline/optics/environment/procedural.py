@@ -19,7 +19,7 @@ _WALL, _CEILING, _FLOOR = (0.16, 0.15, 0.14), (0.14, 0.14, 0.14), (0.10, 0.07, 0
 _DAYLIGHT, _LAMPLIGHT = (4.0, 4.6, 5.2), (1.0, 0.72, 0.42)
 _ROOM_M = (2.5, 1.5, 3.0)
 """From the sheet to the walls at its sides, to ceiling and floor, and to the wall behind the viewer."""
-_LAMP_IRRADIANCE, _SUN_IRRADIANCE = 0.2, 2.0
+_LAMP_IRRADIANCE, _SUN_IRRADIANCE = 0.1, 0.6
 
 
 def drawn(scene: Scene, rows: int) -> Float32Array:

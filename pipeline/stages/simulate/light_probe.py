@@ -16,7 +16,7 @@ _CAPTIONS = {
 
 
 def light_probe(
-    *, scene: Literal["room", "outdoors", "uniform"] = "room", rows: int = 256, lamp_deg: float = 3.0
+    *, scene: Literal["room", "outdoors", "uniform"] = "room", rows: int = 256, lamp_deg: float = 4.0
 ) -> LightProbe:
     """Draw a light probe.
 
