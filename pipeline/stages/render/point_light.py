@@ -15,7 +15,7 @@ from pipeline.devices.sheet_views import WIDEST_VIEW_DEG, blind_camera, camera_v
 from pipeline.devices.virtual_light import Lighting, check_lighting, white_level
 from pipeline.devices.virtual_sheet import MOST_SAMPLES, POINTS, Sheet, automatic_sampling, render_sheet
 from pipeline.errors import InputError
-from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within, zero_or_more
+from pipeline.limits import above_zero, above_zero_up_to, at_least, different_shapes, refuse, within, zero_or_more
 from pipeline.optics.sheet.maps import Bumps, slopes_of
 
 _log = logging.getLogger(__name__)
@@ -136,19 +136,21 @@ def point_light(
     Toisoul, Dhillon and Ghosh 2018, equation 2 and section 6.1; Stam 1999.
     """
     if orientation.orientation_rad.shape != period.period_um.shape:
-        raise InputError("the maps of orientation and period differ in shape")
+        raise different_shapes(orientation=orientation.orientation_rad.shape, period=period.period_um.shape)
     caption = "Rendered from maps of orientation and period"
     if not orientation.absolute:
         caption += f". {_OFFSET_UNKNOWN}"
         _log.warning(
-            "%s. fit.offset makes them absolute, from photographs under a torch or from known_deg", _OFFSET_UNKNOWN
+            "%s. fit.offset makes them absolute, from photographs under a torch or from known_deg; of a file that is "
+            "known to be, say graph.orientation.absolute=true",
+            _OFFSET_UNKNOWN,
         )
     pixel_mm = orientation.pixel_mm or period.pixel_mm
     if pixel_mm is None:
         pixel_mm = width_mm / orientation.orientation_rad.shape[1]
         _log.warning(
-            "the pixel pitch is not known: the sheet is rendered as %g mm wide; rig.pixel_mm or pixel_mm in "
-            "capture.yaml state it",
+            "the pixel pitch is not known: a tile is rendered as %g mm wide (width_mm); of files "
+            "graph.orientation.pixel_mm states it, of photographs rig.pixel_mm or pixel_mm in capture.yaml",
             width_mm,
         )
     lighting = Lighting(
@@ -253,10 +255,8 @@ def _check_point_light(
         within(2, _LONGEST_ORBIT, orbit=orbit),
         _unmovable(len(lights_mm), together) if orbit else [],
         above_zero_up_to(WIDEST_VIEW_DEG, field_of_view_deg=field_of_view_deg),
-        unusable_counts("tiles", tiles, "[columns, rows] of tiles, whole numbers from 1"),
-        []
-        if size_px is None
-        else unusable_counts("size_px", size_px, "[columns, rows] in pixels, whole numbers from 1"),
+        unusable_counts("tiles", tiles, "[columns, rows] of tiles"),
+        [] if size_px is None else unusable_counts("size_px", size_px, "[columns, rows] in pixels"),
     )
     check_lighting(
         lights_mm=lights_mm,
@@ -272,5 +272,9 @@ def _unmovable(lights: int, together: bool) -> list[InputError]:
     if lights == 1 and not together:
         return []
     return [
-        InputError("an orbit carries one light around", where="orbit", expected="one of lights_mm, together: false")
+        InputError(
+            "an orbit carries one light around",
+            where="orbit",
+            expected="a single place in lights_mm, and together: false",
+        )
     ]
