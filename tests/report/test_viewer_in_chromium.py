@@ -188,6 +188,26 @@ def test_nothing_is_drawn_while_nothing_changes(shown: Any) -> None:
     assert viewer(shown, "viewer.frame.last") == last
 
 
+def test_a_slow_card_gets_one_frame_at_a_time_and_fewer_pixels_while_a_slider_moves(shown: Any) -> None:
+    idle = "() => (v => !v.frame.asked && !v.frame.drawing)(document.querySelector('figure.viewer').viewer)"
+    shown.wait_for_function(idle)
+    width = viewer(shown, "viewer.canvas.width")
+    viewer(shown, "viewer.painter.gl.getSyncParameter = () => window.done ? 0x9119 : 0x9118")
+    slide(shown, "depth", 0.2)
+    shown.wait_for_function("() => document.querySelector('figure.viewer').viewer.frame.drawing")
+    last = viewer(shown, "viewer.frame.last")
+    slide(shown, "depth", 0.3)
+    shown.wait_for_timeout(150)
+    assert viewer(shown, "viewer.frame.last") == last
+    shown.evaluate("window.done = true")
+    shown.wait_for_function(
+        f"last => document.querySelector('figure.viewer').viewer.frame.last > last && ({idle})()", arg=last
+    )
+    assert viewer(shown, "viewer.canvas.width") <= width / 2 + 1
+    shown.locator("input[name=depth]").dispatch_event("change")
+    shown.wait_for_function("w => document.querySelector('figure.viewer').viewer.canvas.width === w", arg=width)
+
+
 def test_a_picture_can_be_kept(shown: Any) -> None:
     with shown.expect_download() as download:
         shown.locator("button[name=save]").click()
