@@ -9,6 +9,7 @@ const LINES_FROM = 22;         // pixels of a dot from which its orientation is 
 const MOST_SAMPLES = 4;
 const SLOW_MS = 50;            // where frames take longer, fewer pixels are drawn while something moves
 const LEAST_PART = 0.125;      // of the pixels along a side
+const LONGEST_MS = 3000;       // that a frame may take to be drawn finer once nothing moves
 const MARGIN = 1.05;
 
 const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
@@ -145,7 +146,7 @@ class Viewer {
     Object.assign(this, {root, sheet, bytes});
     this.canvas = root.querySelector("canvas");
     this.painter = new Painter(this.canvas, sheet, bytes);
-    this.frame = {asked: 0, last: 0, ms: 0, part: 1, drawing: null, stale: false};
+    this.frame = {asked: 0, last: 0, ms: 0, part: 1, finer: 0, drawing: null, stale: false};
     this.pointers = new Map();
     this.sliding = false;
     for (const input of root.querySelectorAll("input[value=table]")) input.disabled = !this.painter.methods.includes("table");
@@ -200,43 +201,57 @@ class Viewer {
   // One frame at a time: a slow card is not sent a queue of them.
   change() {
     const {frame} = this;
+    frame.finer = 0;
     if (frame.drawing) frame.stale = true;
-    else if (!frame.asked) frame.asked = requestAnimationFrame(now => this.tick(now));
+    else this.ask();
+  }
+
+  ask() {
+    if (!this.frame.asked) this.frame.asked = requestAnimationFrame(now => this.tick(now));
   }
 
   tick(now) {
     const {frame, painter: {gl}} = this, moving = this.sliding || this.pointers.size > 0;
+    const part = frame.finer || frame.part;
     Object.assign(frame, {asked: 0, last: now, stale: false});
-    this.paint(moving ? frame.part : 1);
+    this.paint(part);
     frame.drawing = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
     this.tell();
-    this.finish(moving);
+    this.finish(moving, part);
   }
 
-  // Wait until the card has drawn, and choose how many pixels it draws next while something moves.
-  finish(moving) {
+  // Wait until the card has drawn, and choose how many pixels it draws next: more and more once nothing moves.
+  finish(moving, part) {
     const {frame, painter: {gl}} = this;
     if (!frame.drawing) return;
     if (!gl.isContextLost() && gl.getSyncParameter(frame.drawing, gl.SYNC_STATUS) !== gl.SIGNALED) {
-      setTimeout(() => this.finish(moving), 2);
+      setTimeout(() => this.finish(moving, part), 2);
       return;
     }
     const ms = performance.now() - frame.last;
     gl.deleteSync(frame.drawing);
     frame.drawing = null;
     if (moving) frame.ms = frame.ms ? 0.8 * frame.ms + 0.2 * ms : ms;
-    if (ms > SLOW_MS) frame.part = moving ? Math.max(frame.part / 2, LEAST_PART) : Math.min(frame.part, 0.5);
-    else if (moving && ms < SLOW_MS / 8) frame.part = Math.min(2 * frame.part, 1);
+    if (ms > SLOW_MS) frame.part = limited(part / 2, LEAST_PART, frame.part);
+    else if (moving && ms < SLOW_MS / 8) frame.part = Math.min(2 * part, 1);
+    const finer = Math.min(2 * part, 1);
+    const expected = ms * (finer * this.mostSamples(finer) / (part * this.mostSamples(part))) ** 2;
     if (frame.stale) this.change();
+    else if (!moving && part < 1 && expected < LONGEST_MS) {
+      frame.finer = finer;
+      this.ask();
+    }
   }
+
+  mostSamples(part) { return part < 1 ? 2 : MOST_SAMPLES; }
 
   // All pixels, or a part of them along each side.
   paint(part = 1) {
     const {canvas} = this, ratio = Math.min(devicePixelRatio || 1, 2) * part;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map(side => Math.max(1, Math.round(side * ratio)));
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, {width, height});
-    const samples = limited(Math.ceil(1 / this.texelPixels() - 0.01), 1, part < 1 ? 2 : MOST_SAMPLES);
+    const samples = limited(Math.ceil(1 / this.texelPixels() - 0.01), 1, this.mostSamples(part));
     this.painter.draw(this.method(), [width, height], {
       ...this.view(), samples, pixel_part: 1 / samples, encoded: true, lines_from: LINES_FROM * ratio,
       exposure: this.setting("exposure") * this.sheet.start.exposure, light_sigma: this.setting("light_sigma"),

@@ -91,7 +91,7 @@ def slide(tab: Any, name: str, value: float) -> None:
 
 def expected(tab: Any, run: Any, light_sigma_mm: float) -> np.ndarray:
     """The same by the renderer of render.point_light, encoded, in levels."""
-    seen, exposure = viewer(tab, "[viewer.view(), viewer.sheet.start.exposure]")
+    seen, exposure = viewer(tab, "(viewer.paint(), [viewer.view(), viewer.sheet.start.exposure])")
     view = View(np.array(seen["to_sheet"]), np.array(seen["eye"]), seen["rows"], seen["columns"])
     lighting = Lighting(
         lights_mm=np.array([seen["light"]]),
