@@ -242,6 +242,7 @@ def _chosen(
         if evaluator == "tabulated":
             raise InputError(str(problem), where="evaluator", expected="spectral, or a larger tolerance") from None
         _log.info("The spectrum is summed: %s.", problem)
+        warn_of_aliasing(sheet.period_um, lighting)
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     error = _error(sheet, view, lighting, sampling.pixel_part, table)
     told = f"from its sum on a part of the pixels by up to {100 * error:.2g} percent of white"

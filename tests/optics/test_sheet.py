@@ -32,7 +32,7 @@ def test_the_extent_of_a_picture_is_that_of_its_pixels() -> None:
     assert found.across == pytest.approx(np.linalg.norm(half[..., :2], axis=-1).max())
     assert found.w == pytest.approx((half[..., 2].min(), half[..., 2].max()))
     away = np.linalg.norm(light - points, axis=-1)
-    assert found.light_variance == pytest.approx((9 / away.max() ** 2, 9 / away.min() ** 2))
+    assert found.light_variance == pytest.approx((9 * (300 / away**2).min() ** 2, 9 / away.min() ** 2))
     along_x, along_y = np.gradient(half, axis=1), np.gradient(half, axis=0)
     change = ((along_x**2).sum(axis=-1) + (along_y**2).sum(axis=-1)).max() / 12
     assert found.pixel_variance == pytest.approx(change, rel=0.02)

@@ -172,7 +172,7 @@ def test_no_field_of_view_shows_what_lies_behind_the_camera() -> None:
         ("tiles", [0, 8], "whole numbers from 1"),
         ("size_px", [100], "columns, rows"),
         ("size_px", [100, 100_000], "in pixels"),
-        ("samples", 0, "1 to 8"),
+        ("samples", 0, "1 to 32"),
         ("tolerance", 0.0, "0.0001 to 0.5"),
         ("refractive_index", 1.0, "denser than air"),
         ("field_of_view_deg", 180.0, "at most 170"),
