@@ -143,7 +143,7 @@ def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tol
     def mean(samples: int) -> Image:
         rgb = np.zeros((len(lighting.lights_mm), few.rows, few.columns, 3), np.float32)
         part = _pixel_part(sheet, view, lighting, samples, tolerance) / every
-        for across, down in _offsets(samples):
+        for across, down in offsets(samples):
             paint = painted(few.moved(across / every, down / every), part)
             for picture, light in zip(rgb, lighting.lights_mm, strict=True):
                 paint(picture, light)
@@ -160,6 +160,22 @@ def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tol
         if left <= tolerance or samples >= most:
             return samples, left
         samples, picture = 2 * samples, finer
+
+
+def automatic_samples(sheet: Sheet, view: View, samples: int | None) -> int:
+    """Points along a pixel's side: as many as are asked for, or points of the maps that it shows."""
+    if samples is None:
+        wanted = max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01)))
+        samples = min(wanted, MOST_SAMPLES)
+        if wanted > samples:
+            _log.warning(
+                "A pixel shows %d points of the maps along a side, and %d are looked at: fine patterns may be grainy",
+                wanted,
+                samples,
+            )
+        elif samples > 1:
+            _log.info("Each pixel is the mean of %d x %d points of the maps.", samples, samples)
+    return samples
 
 
 def render_sheet(
@@ -195,7 +211,7 @@ def render_sheet(
     add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance)
     steps = count * sampling.samples**2
     done = 0
-    for sample in _offsets(sampling.samples):
+    for sample in offsets(sampling.samples):
         paint = add(view.moved(*sample))
         for index, light in enumerate(lighting.lights_mm):
             paint(rgb[0 if together else index], light)
@@ -260,7 +276,7 @@ def _chosen(
 
 def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> Paint:
     planes = sheet.laid(np.stack([sheet.orientation_rad, sheet.period_um]).astype(np.float32))
-    (orientation, period), slopes = _shown(planes, view), _slopes(sheet, view)
+    (orientation, period), slopes = shown(planes, view), shown_slopes(sheet, view)
 
     def paint(picture: Image, light_mm: NDArray[np.float64]) -> None:
         add_light(picture, orientation, period, view, light_mm, lighting, slopes=slopes, pixel_part=pixel_part)
@@ -271,7 +287,7 @@ def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> 
 def _looked_up(
     sheet: Sheet, planes: Tiled, view: View, lighting: Lighting, pixel_part: float, table: ColourTable
 ) -> Paint:
-    gratings, slopes = _shown(planes, view), _slopes(sheet, view)
+    gratings, slopes = shown(planes, view), shown_slopes(sheet, view)
 
     def paint(picture: Image, light_mm: NDArray[np.float64]) -> None:
         def shade(first: int, last: int) -> None:
@@ -334,7 +350,7 @@ def _prepared(sheet: Sheet) -> Tiled:
 
 
 def _extents(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> Extent:
-    slopes = _slopes(sheet, view)
+    slopes = shown_slopes(sheet, view)
     return reduce(
         or_,
         (
@@ -344,13 +360,15 @@ def _extents(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) ->
     )
 
 
-def _shown(maps: Tiled, view: View) -> Image:
+def shown(maps: Tiled, view: View) -> Image:
+    """What each pixel of a view shows of maps, shape (K, rows, columns); NaN beside the sheet."""
     out = np.empty((len(maps.planes), view.rows, view.columns), np.float32)
     over_rows(lambda first, last: sample_rows(maps, view, out, (first, last)), view.rows)
     return out
 
 
-def _slopes(sheet: Sheet, view: View) -> Image | None:
+def shown_slopes(sheet: Sheet, view: View) -> Image | None:
+    """Slopes of the sheet in each pixel of a view, shape (2, rows, columns); None of a flat one."""
     bumps = sheet.bumps
     if bumps is None:
         return None
@@ -368,7 +386,8 @@ def _pixel_mm(sheet: Sheet, view: View) -> float:
     return float(np.median(np.maximum(*sides))) if seen.any() else 0.0
 
 
-def _offsets(samples: int) -> Iterator[tuple[float, float]]:
+def offsets(samples: int) -> Iterator[tuple[float, float]]:
+    """Places of points within a pixel, to the right and down from its middle, in pixels."""
     places = (np.arange(samples) + 0.5) / samples - 0.5
     for down in places:
         for across in places:
