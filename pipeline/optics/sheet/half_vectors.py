@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from pipeline.optics.compiled import njit
 
 U, V_SQUARE, W, MORE_U, MORE_V, GAIN = range(6)
 """Rows of what is found: |u|, v^2, w, the variances that light and pixel add, and what geometry makes of radiance."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.optics.colour import Spectrum, white_balanced_weights
+from pipeline.optics.compiled import njit
 from pipeline.optics.gratings import Form, efficiencies, highest_order, window_spread
 from pipeline.optics.sheet.view import View
 
