@@ -259,7 +259,7 @@ def test_the_papers_second_order_form_is_the_exact_one_for_shallow_gratings() ->
 
 
 def test_an_orbit_carries_the_light_once_around_anticlockwise() -> None:
-    first, others = [100.0, 0.0, 300.0], [[0.0, 100.0, 300.0], [-100.0, 0.0, 300.0], [0.0, -100.0, 300.0]]
+    first, others = [80.0, 60.0, 300.0], [[-60.0, 80.0, 300.0], [-80.0, -60.0, 300.0], [60.0, -80.0, 300.0]]
     film = render(*maps(0.0), lights_mm=[first], orbit=4, **SMALL)
     np.testing.assert_allclose(film.light_mm, [first, *others], atol=1e-9)
     assert film.frames_per_second == 24
