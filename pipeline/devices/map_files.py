@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 import OpenImageIO
@@ -131,19 +132,29 @@ def read_mask(path: Path | None, shape: tuple[int, ...]) -> BoolArray:
 
 def _array(path: Path) -> Float32Array:
     try:
-        array = np.load(path, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
+        # Mapped, so that a header which claims more than the file holds asks for no memory.
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, OSError, EOFError, OverflowError, RecursionError, MemoryError, TokenError) as error:
         raise InputError(f"the array cannot be read: {error}", where=str(path)) from None
+    if not isinstance(array, np.ndarray):
+        raise InputError(f"{path.name} is an archive of arrays", where=str(path), expected="one array")
     if array.dtype.kind not in "iuf":
         raise InputError(f"an array of {array.dtype}", where=str(path), expected="real numbers")
     return np.ascontiguousarray(array, np.float32)
+
+
+def _complaint() -> str:
+    try:
+        return str(OpenImageIO.geterror())
+    except UnicodeDecodeError:  # it quotes the bytes of a damaged header
+        return "its header is damaged"
 
 
 def _exr(path: Path, channel: str) -> MapFile:
     """The channel of that name with all that lies beside it, or a grey picture."""
     source = OpenImageIO.ImageInput.open(str(path))
     if source is None:
-        raise InputError(f"{path.name} cannot be read: {OpenImageIO.geterror()}", where=str(path))
+        raise InputError(f"{path.name} cannot be read: {_complaint()}", where=str(path))
     try:
         spec = source.spec()
         pixels = source.read_image(0, 0, 0, spec.nchannels, OpenImageIO.FLOAT)

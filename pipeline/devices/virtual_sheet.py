@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from operator import or_
@@ -134,10 +135,10 @@ def _pixel_part(sheet: Sheet, view: View, lighting: Lighting, samples: int, tole
 def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tolerance: float) -> tuple[int, float]:
     """Points along a side of a pixel, at most so many, and by how much twice as many change what is lit."""
     few, every = _few(view)
-    try:
-        table = _table(sheet, view, lighting, 1.0, tolerance)
-    except ValueError:
-        table = None
+    table = None
+    if few.rows * few.columns * len(lighting.lights_mm) * (2 * most) ** 2 >= _WORTH_A_TABLE:
+        with suppress(ValueError):
+            table = _table(sheet, view, lighting, 1.0, tolerance)
 
     def painted(seen: View, part: float) -> Paint:
         if table is None:
@@ -262,6 +263,7 @@ def _chosen(
         if evaluator == "tabulated":
             raise InputError(str(problem), where="evaluator", expected="spectral, or a larger tolerance") from None
         _log.info("The spectrum is summed: %s.", problem)
+        warn_of_aliasing(sheet.period_um, lighting)
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     error = _error(sheet, view, lighting, sampling.pixel_part, table)
     told = f"from its sum on a part of the pixels by up to {100 * error:.2g} percent of white"

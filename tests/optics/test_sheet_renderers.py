@@ -146,6 +146,35 @@ def test_the_reference_is_the_brdf_under_a_point_light(slope: tuple[float, float
     np.testing.assert_allclose(found / scale, expected, atol=2e-3 * expected.max())
 
 
+@pytest.mark.parametrize("elevation_deg", [60, 35])
+def test_a_wide_light_is_the_mean_of_its_points(elevation_deg: float) -> None:
+    """Foreshortened, as a slanting light's extent is; lobes are wide, so that few points will do."""
+    elevation, sigma = np.deg2rad(elevation_deg), 12.0
+    to_light = np.array([np.cos(elevation) * np.cos(0.7), np.cos(elevation) * np.sin(0.7), np.sin(elevation)])
+    across = np.array([-np.sin(0.7), np.cos(0.7), 0.0])
+    view = rectified(7, 9, 0.1, np.array([0.0, 0.0, 500.0]))
+    turned, sent_um = np.meshgrid(np.linspace(-0.08, 0.08, 9), np.linspace(0.4, 0.7, 7))
+    maps = [part.astype(np.float32) for part in (0.7 + turned, sent_um / np.cos(elevation))]
+    optics = {"coherence_um": 20.0, "step": 10.0}
+    places = np.linspace(-3.5, 3.5, 15)
+    shares = np.exp(-(places**2) / 2) / np.exp(-(places**2) / 2).sum()
+    mean = sum(
+        one
+        * other
+        * summed(
+            view,
+            *maps,
+            sigma=0.0,
+            light=400 * to_light + sigma * (a * across + b * np.cross(to_light, across)),
+            **optics,
+        )
+        for a, one in zip(places, shares, strict=True)
+        for b, other in zip(places, shares, strict=True)
+    )
+    found = summed(view, *maps, sigma=sigma, light=400 * to_light, **optics)
+    assert np.abs(found - mean).max() <= 0.03 * mean.max()
+
+
 def eye_of(view: str, eye: np.ndarray) -> View:
     if view == "rectified":
         return rectified(SIZE, SIZE, 3.0, eye)

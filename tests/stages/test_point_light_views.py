@@ -145,8 +145,10 @@ def test_gratings_too_deep_for_a_table_are_summed(
     caplog.set_level(logging.INFO)
     monkeypatch.setattr(virtual_sheet, "_WORTH_A_TABLE", 1)
     settings = {"lights_mm": LIGHTS, "depth_um": 400.0, "camera_mm": [200.0, 0.0, 200.0], "wavelength_step_nm": 50.0}
+    settings["light_sigma_mm"] = 1.0
     assert np.isfinite(point_light(*maps(), **settings).rgb).all()
     assert "The spectrum is summed: a table of colours would have" in caplog.text
+    assert "wavelength_step_nm 50 is too coarse" in caplog.text
     with pytest.raises(InputError, match=r"more than \d+"):
         point_light(*maps(), evaluator="tabulated", **settings)
 

@@ -210,6 +210,23 @@ def test_what_is_no_design_is_refused(draw, tmp_path: Path) -> None:
         vector_design(file=tmp_path / "brken.svg")
 
 
+@pytest.mark.parametrize(
+    ("shapes", "message"),
+    [
+        ('<g id="a"><use href="#b"/></g><g id="b"><use href="#a"/></g>', "'[ab]' uses itself"),
+        (
+            '<g id="g0"><rect width="5" height="5" fill="red"/></g>'
+            + "".join(f'<g id="g{i}">{f"""<use href="#g{i - 1}"/>""" * 10}</g>' for i in range(1, 9)),
+            r"make \d+ of them, more than 200000",
+        ),
+        ('<rect x="1e999" width="5" height="5" fill="red"/>', "coordinates that are no numbers"),
+    ],
+)
+def test_designs_that_would_never_end_or_lie_nowhere_are_refused(draw, shapes: str, message: str) -> None:
+    with np.errstate(invalid="ignore"), pytest.raises((InputError, InputErrors), match=message):
+        draw(shapes)
+
+
 def test_the_documented_design_is_drawn(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "docs" / "maps.md").read_text()
     (tmp_path / "design.svg").write_text(text.partition("```svg\n")[2].partition("```")[0])

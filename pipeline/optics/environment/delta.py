@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.environment.probe import Probe, look_up
 from pipeline.optics.environment.spectrum import colour_matrices
 from pipeline.optics.gratings import Form, efficiencies

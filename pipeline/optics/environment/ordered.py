@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.environment.area_map import AreaMap
 from pipeline.optics.environment.delta import Orders, frame
 from pipeline.optics.environment.probe import Probe, look_up

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.sheet.maps import prepared_gratings
 from pipeline.optics.sheet.view import View
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.environment.delta import Orders, frame, geometry
 from pipeline.optics.environment.probe import Probe, solid_angles, texel_directions
 from pipeline.optics.gratings import window_spread
