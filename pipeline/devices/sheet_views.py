@@ -73,7 +73,7 @@ def blind_camera(camera_mm: Sequence[float], target_mm: Sequence[float], up: Seq
     problems = [
         InputError(f"{list(vector)} is no {what}", where=where, expected="[x, y, z]")
         for where, what, vector in (("target_mm", "place", target_mm), ("up", "direction", up))
-        if len(vector) != 3 or not np.isfinite(vector).all()
+        if len(vector) != 3 or not np.isfinite(vector).all() or (where == "up" and not np.any(vector))
     ]
     if problems:
         return problems

@@ -181,7 +181,7 @@ def test_no_field_of_view_shows_what_lies_behind_the_camera() -> None:
         ("target_mm", [1.0, 2.0], "is no place"),
         ("target_mm", [0.0, 0.0, 500.0], "where the camera is"),
         ("up", [0.0, 0.0, 1.0], "points along the view"),
-        ("up", [0.0, 0.0, 0.0], "points along the view"),
+        ("up", [0.0, 0.0, 0.0], "is no direction"),
     ],
 )
 def test_impossible_settings_are_refused(setting: str, value, message: str) -> None:
