@@ -92,7 +92,9 @@ def grey_picture(path: Path) -> MapFile:
     return MapFile(np.ascontiguousarray(image), shares=kind not in {"half", "float", "double"})
 
 
-def in_range(found: MapFile, path: Path, setting: str, ends: Sequence[float] | None) -> Float32Array:
+def in_range(
+    found: MapFile, path: Path, setting: str, ends: Sequence[float] | None, *, or_else: str = ""
+) -> Float32Array:
     """The map in its unit: shares of a full scale between two ends, other numbers as they are where none are given.
 
     Raises
@@ -102,7 +104,7 @@ def in_range(found: MapFile, path: Path, setting: str, ends: Sequence[float] | N
     """
     if ends is None:
         if found.shares:
-            right = f"{setting}: what black and full scale (grey 255 of 8 bits) stand for"
+            right = f"{setting}{or_else}: what black and full scale (grey 255 of 8 bits) stand for"
             raise InputError(f"{path.name} holds shares of a range that is not told", where=setting, expected=right)
         return found.values
     if len(ends) != 2:
@@ -163,7 +165,11 @@ def _exr(path: Path, channel: str) -> MapFile:
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate(spec.channelnames)}
     if channel not in channels and list(channels) != ["Y"]:
         names = ", ".join(channels)
-        raise InputError(f"{path.name} has the channels {names}", where=str(path), expected=f"a channel '{channel}'")
+        raise InputError(
+            f"{path.name} has the channels {names}",
+            where=str(path),
+            expected=f"a channel '{channel}', or a single one that is called 'Y'",
+        )
     values = channels.get(channel, pixels[..., 0])
     numbers = {p.name: shortest(p.value) for p in spec.extra_attribs if str(p.type) == "float"}
     return MapFile(values, False, channels if channel in channels else {}, numbers)

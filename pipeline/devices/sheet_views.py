@@ -90,4 +90,5 @@ def unusable_counts(name: str, counts: Sequence[int], expected: str) -> list[Inp
     """Two numbers that are no columns and rows."""
     if len(counts) == 2 and all(1 <= count <= LARGEST_SIDE for count in counts):
         return []
-    return [InputError(f"{list(counts)} does not say how many", where=name, expected=expected)]
+    right = f"{expected}, whole numbers from 1 to {LARGEST_SIDE}"
+    return [InputError(f"{list(counts)} does not say how many", where=name, expected=right)]

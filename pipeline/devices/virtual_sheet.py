@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from operator import or_
 from typing import Literal
 
@@ -68,6 +68,11 @@ class Sheet:
     def laid(self, planes: Image) -> Tiled:
         """Maps of the tile, side by side."""
         return Tiled(planes, self.pixel_mm, self.tiles)
+
+    @cached_property
+    def gratings(self) -> Tiled:
+        """The tile's maps as look-ups take them, side by side."""
+        return self.laid(prepared_gratings(self.orientation_rad, self.period_um))
 
     @property
     def size_mm(self) -> tuple[float, float]:
@@ -134,12 +139,11 @@ def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tol
     if few.rows * few.columns * len(lighting.lights_mm) * (2 * most) ** 2 >= _WORTH_A_TABLE:
         with suppress(ValueError):
             table = _table(sheet, view, lighting, 1.0, tolerance)
-    planes = _prepared(sheet)
 
     def painted(seen: View, part: float) -> Paint:
         if table is None:
             return _summed(sheet, seen, lighting, part)
-        return _looked_up(sheet, planes, seen, lighting, part, table)
+        return _looked_up(sheet, seen, lighting, part, table)
 
     def mean(samples: int) -> Image:
         rgb = np.zeros((len(lighting.lights_mm), few.rows, few.columns, 3), np.float32)
@@ -271,8 +275,7 @@ def _chosen(
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     else:
         _log.warning("Colours looked up in a table of %s differ %s.", table, told)
-    planes = _prepared(sheet)
-    return lambda seen: _looked_up(sheet, planes, seen, lighting, sampling.pixel_part, table)
+    return lambda seen: _looked_up(sheet, seen, lighting, sampling.pixel_part, table)
 
 
 def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> Paint:
@@ -285,10 +288,8 @@ def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> 
     return paint
 
 
-def _looked_up(
-    sheet: Sheet, planes: Tiled, view: View, lighting: Lighting, pixel_part: float, table: ColourTable
-) -> Paint:
-    gratings, slopes = shown(planes, view), shown_slopes(sheet, view)
+def _looked_up(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, table: ColourTable) -> Paint:
+    gratings, slopes = shown(sheet.gratings, view), shown_slopes(sheet, view)
 
     def paint(picture: Image, light_mm: NDArray[np.float64]) -> None:
         def shade(first: int, last: int) -> None:
@@ -329,7 +330,7 @@ def _error(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tabl
     fine = replace(lighting, wavelength_step_nm=min(lighting.wavelength_step_nm, 2.0))
     pair = (
         _summed(sheet, few, fine, pixel_part / every),
-        _looked_up(sheet, _prepared(sheet), few, lighting, pixel_part / every, table),
+        _looked_up(sheet, few, lighting, pixel_part / every, table),
     )
     worst = 0.0
     for light in lighting.lights_mm:
@@ -344,10 +345,6 @@ def _few(view: View) -> tuple[View, int]:
     """Some of the pixels, and every how manieth along rows and columns."""
     every = max(1, -(-max(view.rows, view.columns) // _CHECKED))
     return view.thinned(every), every
-
-
-def _prepared(sheet: Sheet) -> Tiled:
-    return sheet.laid(prepared_gratings(sheet.orientation_rad, sheet.period_um))
 
 
 def _extents(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> Extent:

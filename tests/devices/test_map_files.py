@@ -141,10 +141,15 @@ def test_what_cannot_be_a_map_is_refused(tmp_path: Path) -> None:
     refused("colour.png", r"a picture in colour", range_deg=(0.0, 180.0))
     refused("grey.png", r"grey.png holds shares of a range that is not told\s+where: +range_deg")
     refused("grey.png", r"range_deg is \[0.0\]\s[\s\S]*two numbers", range_deg=(0.0,))
-    refused("period.exr", r"has the channels mask, period_um\s[\s\S]*expected: a channel 'orientation_rad'")
+    refused(
+        "period.exr",
+        r"has the channels mask, period_um\s[\s\S]*a channel 'orientation_rad', or a single one that is called 'Y'",
+    )
     write_exr(tmp_path / "height.exr", {"height_um": DEGREES}, {})
     refused("height.exr", r"has the channels height_um\s[\s\S]*expected: a channel 'orientation_rad'")
     refused("", r"there is no run in .*: it has no manifest.json")
+    with pytest.raises(InputError, match=r"where: +range_um\s+expected: range_um or range_lines_per_mm: what black"):
+        period_map(file=tmp_path / "grey.png")
     with pytest.raises(InputError, match=r"the range is told twice\s+where: +range_um, range_lines_per_mm"):
         period_map(file=tmp_path / "grey.png", range_um=(0.0, 1.0), range_lines_per_mm=(0.0, 1.0))
 

@@ -149,7 +149,7 @@ def test_masked_pixels_stay_dark() -> None:
 
 
 def test_maps_that_do_not_match_are_refused() -> None:
-    with pytest.raises(InputError, match="differ in shape"):
+    with pytest.raises(InputError, match=r"differ in shape: orientation \d+ x \d+ points, period 4 x 4 points"):
         render(maps(0.0)[0], maps(0.0, size=4)[1], lights_mm=[light(0.0)])
 
 

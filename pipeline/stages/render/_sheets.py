@@ -11,6 +11,7 @@ from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField
 from pipeline.devices.virtual_sheet import Sheet
 from pipeline.errors import InputError
+from pipeline.limits import different_shapes
 from pipeline.optics.sheet.maps import Bumps, slopes_of
 
 _log = logging.getLogger(__name__)
@@ -34,13 +35,13 @@ def sheet_of(
         The maps differ in shape, or bumps have no slopes everywhere.
     """
     if orientation.orientation_rad.shape != period.period_um.shape:
-        raise InputError("the maps of orientation and period differ in shape")
+        raise different_shapes(orientation=orientation.orientation_rad.shape, period=period.period_um.shape)
     pixel_mm = orientation.pixel_mm or period.pixel_mm
     if pixel_mm is None:
         pixel_mm = width_mm / orientation.orientation_rad.shape[1]
         _log.warning(
-            "the pixel pitch is not known: the sheet is rendered as %g mm wide; rig.pixel_mm or pixel_mm in "
-            "capture.yaml state it",
+            "the pixel pitch is not known: a tile is rendered as %g mm wide (width_mm); of files "
+            "graph.orientation.pixel_mm states it, of photographs rig.pixel_mm or pixel_mm in capture.yaml",
             width_mm,
         )
     slopes = None if bumps is None else _slopes(bumps)
@@ -52,7 +53,9 @@ def offset_note(orientation: OrientationMap) -> str:
     if orientation.absolute:
         return ""
     _log.warning(
-        "%s. fit.offset makes them absolute, from photographs under a torch or from known_deg", _OFFSET_UNKNOWN
+        "%s. fit.offset makes them absolute, from photographs under a torch or from known_deg; of a file that is "
+        "known to be, say graph.orientation.absolute=true",
+        _OFFSET_UNKNOWN,
     )
     return f". {_OFFSET_UNKNOWN}"
 
@@ -60,7 +63,7 @@ def offset_note(orientation: OrientationMap) -> str:
 def _slopes(bumps: HeightField) -> Bumps:
     missing = int(np.count_nonzero(~np.isfinite(bumps.height_um)))
     if missing:
-        raise InputError(f"{missing} heights of the bumps are not known", expected="align.despiked, which fills gaps")
+        raise InputError(f"{missing} heights of the bumps are not known", expected="align.filled, which fills gaps")
     if min(bumps.height_um.shape) < 2:
         raise InputError("bumps of a single row or column have no slopes")
     slopes = slopes_of(bumps.height_um, bumps.pitch_um, periodic=bumps.periodic)

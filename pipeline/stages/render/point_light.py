@@ -218,10 +218,8 @@ def _check_point_light(
         within(2, _LONGEST_ORBIT, orbit=orbit),
         _unmovable(len(lights_mm), together) if orbit else [],
         above_zero_up_to(WIDEST_VIEW_DEG, field_of_view_deg=field_of_view_deg),
-        unusable_counts("tiles", tiles, "[columns, rows] of tiles, whole numbers from 1"),
-        []
-        if size_px is None
-        else unusable_counts("size_px", size_px, "[columns, rows] in pixels, whole numbers from 1"),
+        unusable_counts("tiles", tiles, "[columns, rows] of tiles"),
+        [] if size_px is None else unusable_counts("size_px", size_px, "[columns, rows] in pixels"),
     )
     check_lighting(
         lights_mm=lights_mm,
@@ -237,5 +235,9 @@ def _unmovable(lights: int, together: bool) -> list[InputError]:
     if lights == 1 and not together:
         return []
     return [
-        InputError("an orbit carries one light around", where="orbit", expected="one of lights_mm, together: false")
+        InputError(
+            "an orbit carries one light around",
+            where="orbit",
+            expected="a single place in lights_mm, and together: false",
+        )
     ]
