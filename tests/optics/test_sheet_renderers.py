@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, given, reject, settings
 from hypothesis import strategies as st
 
 from pipeline.optics.colour import white_balanced_weights
@@ -203,7 +203,10 @@ def test_what_is_looked_up_is_the_sum(seed, light, eye, sigma, depth, view, bump
         rng = np.random.default_rng(seed)
         optics["slopes"] = rng.uniform(-0.03, 0.03, (2, SIZE, SIZE)).astype(np.float32)
     exact = summed(shown, orientation, period, orders=orders, step=1.0, **optics)
-    found = looked_up(shown, orientation, period, orders=orders, **optics)
+    try:
+        found = looked_up(shown, orientation, period, orders=orders, **optics)
+    except ValueError:  # the table would be too large; then the stage sums the spectrum
+        reject()
     # A picture may show a lobe's tail alone: errors are relative to the brightest of a sheet that shows its middle.
     flat = {name: value for name, value in optics.items() if name not in ("slopes", "part")}
     wide = rectified(SIZE, SIZE, 9.0, np.array(eye))
