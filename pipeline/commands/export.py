@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pipeline.data.flash import FlashBrackets
 from pipeline.data.photographs import PolarizerSequence
 from pipeline.data.pictures import PictureSeries
 from pipeline.errors import InputError
@@ -16,13 +17,13 @@ def export_photos(run: Run, node: str, folder: Path) -> Path:
     Raises
     ------
     InputError
-        The node's value is neither a sequence of photographs nor pictures under a torch, or the folder holds something
-        already.
+        The node's value is neither a sequence of photographs nor pictures under a torch or brackets under a flash, or
+        the folder holds something already.
     """
-    from pipeline.devices.photo_folder_writer import write_point_light, write_polarizer_sequence
+    from pipeline.devices.photo_folder_writer import write_flash, write_point_light, write_polarizer_sequence
 
     value = run[node]
-    if not isinstance(value, PolarizerSequence | PictureSeries):
+    if not isinstance(value, PolarizerSequence | PictureSeries | FlashBrackets):
         raise InputError(
             f"node '{node}' gives {type(value).__name__}",
             where=str(run.path),
@@ -31,8 +32,8 @@ def export_photos(run: Run, node: str, folder: Path) -> Path:
         )
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder} is not empty", expected="a new or empty folder")
-    return (
-        write_point_light(value, folder)
-        if isinstance(value, PictureSeries)
-        else write_polarizer_sequence(value, folder)
-    )
+    if isinstance(value, FlashBrackets):
+        return write_flash(value, folder)
+    if isinstance(value, PictureSeries):
+        return write_point_light(value, folder)
+    return write_polarizer_sequence(value, folder)

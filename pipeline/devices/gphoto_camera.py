@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import math
 import tempfile
 import time
 from collections.abc import Iterator
@@ -22,6 +23,9 @@ log = logging.getLogger(__name__)
 
 _INSTALL = "pip install gphoto2"
 _SETTLE_S, _SETTLE_POLL_S = 2.0, 0.05
+_SHUTTER = "shutterspeed"
+_NEAR_ENOUGH = 0.2
+"""Of the logarithm: shutter speeds stand a third of a stop apart, 0.23."""
 _SWITCH = {"on": 1, "true": 1, "off": 0, "false": 0}
 _STATED = {
     "make": ("manufacturer",),
@@ -50,6 +54,10 @@ class GphotoCamera:
         Silence after a photo that shows that the camera has no further file of it.
     keep : bool
         Whether photos stay on the camera, too.
+    exposure_s : list of float
+        Times of a bracket of exposures, shortest first, for stages that take one.
+    room_exposure_s : float, optional
+        For what a room's lamps light; by default what the camera is set to.
     """
 
     physical = True
@@ -62,10 +70,13 @@ class GphotoCamera:
         settings: dict[str, str] | None = None,
         wait_ms: int = 100,
         keep: bool = False,
+        exposure_s: list[float] = [],  # noqa: B006 - read from the syntax tree, never modified
+        room_exposure_s: float | None = None,
     ) -> None:
         self.model, self.port = model, port
         self.settings = dict(settings or {})
         self.wait_ms, self.keep = wait_ms, keep
+        self.exposure_s, self.room_exposure_s = tuple(exposure_s), room_exposure_s
         self.name = f"camera {model}".strip()
         self._model = model
         self._camera: Any = None
@@ -79,7 +90,7 @@ class GphotoCamera:
         InputError
             It says what was expected, or what to install.
         """
-        refuse(above_zero(wait_ms=self.wait_ms))
+        refuse(above_zero(wait_ms=self.wait_ms, room_exposure_s=self.room_exposure_s))
         if importlib.util.find_spec("gphoto2") is None:
             raise InputError("the package gphoto2, which talks to cameras, is not installed", hint=_INSTALL)
 
@@ -97,6 +108,22 @@ class GphotoCamera:
         DeviceError
             The camera is not open, does not release, or delivers no file that can be read.
         """
+        return self._taken(linear=None)
+
+    def expose_for(self, exposure_s: float | None) -> Photo:
+        """Take one photograph at the shutter speed nearest to a time of exposure, its values as the camera stores them.
+
+        Raises
+        ------
+        DeviceError
+            As of :meth:`expose`, or the camera has no shutter speed that is near.
+        """
+        time_s = self.room_exposure_s if exposure_s is None else exposure_s
+        if time_s is not None:
+            self._set_shutter(time_s)
+        return self._taken(linear=True)
+
+    def _taken(self, linear: bool | None) -> Photo:
         if self._camera is None:
             raise DeviceError(f"{self.name}: the camera is not open")
         import gphoto2
@@ -110,12 +137,12 @@ class GphotoCamera:
             with self._talking(f"does not hand out {name}"):
                 self._camera.file_get(place, name, gphoto2.GP_FILE_TYPE_NORMAL).save(str(file))
             try:
-                photo = read_photo(file)
+                photo = read_photo(file, linear=linear)
             except InputError as error:
                 raise DeviceError(f"{self.name}: what it delivered as {name} is no photo: {error.what}") from error
         if not self.keep:
             self._delete(paths)
-        if file.suffix.lower() in DISPLAY_SUFFIXES and not self._warned:
+        if linear is None and file.suffix.lower() in DISPLAY_SUFFIXES and not self._warned:
             log.warning("%s delivers %s, whose tone curve is only guessed: set it to raw", self.name, file.suffix)
             self._warned = True
         return self._told(photo)
@@ -189,6 +216,20 @@ class GphotoCamera:
             if name not in widgets:
                 raise DeviceError(f"{self.name} has no setting '{name}'; {nearest(name, widgets)}")
             self._set(widgets[name], str(value))
+
+    def _set_shutter(self, time_s: float) -> None:
+        if self._camera is None:
+            raise DeviceError(f"{self.name}: the camera is not open")
+        with self._talking(f"does not tell its setting '{_SHUTTER}'"):
+            widget = self._camera.get_single_config(_SHUTTER)
+            speeds = [widget.get_choice(i) for i in range(widget.count_choices())]
+        known = {speed: seconds for speed in speeds if (seconds := _seconds(speed))}
+        if not known:
+            raise DeviceError(f"{self.name} offers no shutter speeds: is it set to manual exposure?")
+        nearest_one = min(known, key=lambda speed: abs(math.log(known[speed] / time_s)))
+        if abs(math.log(known[nearest_one] / time_s)) > _NEAR_ENOUGH:
+            raise DeviceError(f"{self.name} cannot expose for {time_s:g} s; the nearest is {nearest_one}")
+        self._set(widget, nearest_one)
 
     def _set(self, widget: Any, value: str) -> None:
         import gphoto2

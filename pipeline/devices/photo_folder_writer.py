@@ -12,14 +12,22 @@ import OpenImageIO
 import yaml
 from numpy.typing import NDArray
 
+from pipeline.data.flash import FlashBrackets
 from pipeline.data.photographs import PolarizerSequence
 from pipeline.data.pictures import PictureSeries
 from pipeline.devices.capture_yaml import CAPTURE_FILE, KIND
 from pipeline.devices.decimal_angles import degrees_of
+from pipeline.devices.flash_yaml import KIND as FLASH
 from pipeline.devices.point_light_folder import KIND as POINT_LIGHT
 from pipeline.errors import DeviceError, InputError
 
 MASK_FILE = "mask.png"
+
+_FORMATS = {
+    np.dtype(np.uint8): OpenImageIO.UINT8,
+    np.dtype(np.uint16): OpenImageIO.UINT16,
+    np.dtype(np.float32): OpenImageIO.FLOAT,
+}
 
 
 def write_polarizer_sequence(sequence: PolarizerSequence, folder: Path) -> Path:
@@ -117,6 +125,65 @@ def write_point_light(series: PictureSeries, folder: Path) -> Path:
     return _write(folder, dict(zip(names, series.rgb, strict=True)), "\n".join(lines) + "\n")
 
 
+def write_flash(brackets: FlashBrackets, folder: Path) -> Path:
+    """Write brackets of exposures under a flash as PNG with ``capture.yaml``, which comes last.
+
+    Parameters
+    ----------
+    brackets : FlashBrackets
+        The photographs; a replay gives their arrays again, bit for bit.
+    folder : Path
+        Where to write; made where it is missing.
+
+    Returns
+    -------
+    Path
+        The ``capture.yaml``.
+
+    Raises
+    ------
+    InputError
+        There is no photograph.
+    DeviceError
+        A file cannot be written.
+    """
+    if brackets.images.ndim != 5 or not brackets.images.size:
+        raise InputError(f"photographs of shape {brackets.images.shape}", expected="one of each light at least")
+    entries = {
+        f"light_{light + 1}_exposure_{index + 1}.png": (light + 1, float(time), brackets.images[light, index])
+        for light in range(len(brackets.images))
+        for index, time in enumerate(brackets.exposure_s)
+    }
+    known = {
+        "camera_mm": brackets.camera_mm,
+        "lights_mm": brackets.light_mm,
+        "sheet_mm": brackets.sheet_mm,
+        "corners_px": brackets.corners_px,
+        "wavelength_nm": brackets.wavelength_nm,
+        "bandwidth_nm": brackets.bandwidth_nm,
+        "light_sigma_mm": brackets.light_sigma_mm,
+    }
+    lines = [
+        "# Places in mm: x right, y up, z towards the camera, origin in the middle of the sheet.",
+        f"# python -m pipeline +experiment=flash_polygons rig=flash_replay rig.folder={folder.name}",
+        f"kind: {FLASH}",
+        f"linear: {str(brackets.linear).lower()}",
+    ]
+    lines += [
+        f"{name}: {np.asarray(value, np.float64).tolist()!r}"
+        for name, value in known.items()
+        if value is not None and np.isfinite(np.asarray(value, np.float64)).all()
+    ]
+    lines += ["photos:"]
+    lines += [f"  - {{file: {name}, light: {k}, exposure_s: {time!r}}}" for name, (k, time, _) in entries.items()]
+    images = {name: image for name, (_, _, image) in entries.items()}
+    if brackets.room is not None:
+        images["room.png"] = brackets.room
+        lines.append("room: room.png")
+    text = "\n".join(lines) + "\n" + yaml.safe_dump({"metadata": dict(brackets.metadata)}, width=math.inf)
+    return _write(folder, images, text)
+
+
 def _names(stem: str, count: int) -> list[str]:
     return [f"{stem}_{index:0{len(str(count))}d}.tif" for index in range(1, count + 1)]
 
@@ -157,9 +224,8 @@ def _check(sequence: PolarizerSequence) -> None:
 def _write_image(path: Path, image: NDArray[Any]) -> None:
     rows, columns = image.shape[:2]
     channels = image.shape[2] if image.ndim == 3 else 1
-    is_signal = image.dtype == np.float32
-    spec = OpenImageIO.ImageSpec(columns, rows, channels, OpenImageIO.FLOAT if is_signal else OpenImageIO.UINT8)
-    if is_signal:
+    spec = OpenImageIO.ImageSpec(columns, rows, channels, _FORMATS[image.dtype])
+    if image.dtype == np.float32:
         spec.attribute("compression", "zip")
         spec.attribute("tiff:zipquality", 1)
     target = OpenImageIO.ImageOutput.create(str(path))

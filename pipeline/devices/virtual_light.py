@@ -53,6 +53,8 @@ class Lighting:
         Form of the order efficiencies.
     refractive_index : float or None
         For Schlick's reflectance relative to that at normal incidence; None for a mirror's, the same at all angles.
+    band_nm : tuple of float, or None
+        Centre and full width at half maximum of a filter before the camera; None without one.
     """
 
     lights_mm: NDArray[np.float64]
@@ -64,6 +66,7 @@ class Lighting:
     wavelength_step_nm: float
     orders: Form = "exact"
     refractive_index: float | None = None
+    band_nm: tuple[float, float] | None = None
 
     @property
     def normal_reflectance(self) -> float:
@@ -182,6 +185,7 @@ def add_light(
         largest_half_vector=extent(view, light_mm, lighting.light_sigma_mm, slopes).across,
         orders=lighting.orders,
         normal_reflectance=lighting.normal_reflectance,
+        band_nm=lighting.band_nm,
     )
 
     orientation, period = _for_kernel(orientation_rad), _for_kernel(period_um)
@@ -205,7 +209,7 @@ def add_light(
 
 def warn_of_aliasing(period_um: NDArray[np.floating], lighting: Lighting) -> None:
     """Say so where the spectral step is too coarse for the narrowest lobes, which would turn rainbows into stripes."""
-    if not np.isfinite(period_um).any():
+    if lighting.band_nm is not None or not np.isfinite(period_um).any():
         return
     distance = np.linalg.norm(lighting.lights_mm, axis=1)
     foreshortened = float((lighting.lights_mm[:, 2] / distance**2).min())

@@ -254,7 +254,8 @@ def _chosen(
 ) -> Callable[[View], Paint]:
     """What paints a view, by the evaluator that is asked for, or that pays."""
     work = view.rows * view.columns * len(lighting.lights_mm) * sampling.samples**2
-    if evaluator == "spectral" or (evaluator == "auto" and work < _WORTH_A_TABLE):
+    by_sum = evaluator == "spectral" or lighting.band_nm is not None
+    if by_sum or (evaluator == "auto" and work < _WORTH_A_TABLE):
         warn_of_aliasing(sheet.period_um, lighting)
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     try:

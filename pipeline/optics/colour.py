@@ -43,6 +43,31 @@ def white_balanced_weights(light: Spectrum, step_nm: float) -> tuple[Float64Arra
     return wavelength, weights
 
 
+@lru_cache(maxsize=8)
+def filtered_weights(
+    light: Spectrum, step_nm: float, centre_nm: float, width_nm: float
+) -> tuple[Float64Array, Float64Array]:
+    """As :func:`white_balanced_weights`, behind a filter of Gaussian transmission, 1 in its centre.
+
+    Parameters
+    ----------
+    light, step_nm
+        As there; steps are at most a fifth of the filter's width.
+    centre_nm, width_nm : float
+        Of the filter; full width at half maximum. Beyond 1.5 widths it counts as opaque.
+    """
+    count = int(np.ceil(3 * width_nm / min(step_nm, width_nm / 5))) + 1
+    wavelength = np.linspace(centre_nm - 1.5 * width_nm, centre_nm + 1.5 * width_nm, count)
+    every, _ = white_balanced_weights(light, step_nm)
+    white = (_colour_matching(every) * _power(light, every)[:, None] @ _xyz_to_srgb().T).sum(axis=0) * step_nm
+    transmitted = np.exp(-4 * np.log(2) * ((wavelength - centre_nm) / width_nm) ** 2)
+    xyz = _colour_matching(wavelength) * (_power(light, wavelength) * transmitted)[:, None]
+    weights = xyz @ _xyz_to_srgb().T * (wavelength[1] - wavelength[0]) / white
+    weights.setflags(write=False)
+    wavelength.setflags(write=False)
+    return wavelength, weights
+
+
 def spectral_colour(wavelength_nm: float) -> Float64Array:
     """Linear sRGB of light of one wavelength, shape (3,), its largest part 1; what no display can show is clipped."""
     rgb = np.clip(_colour_matching(np.array([wavelength_nm]))[0] @ _xyz_to_srgb().T, 0.0, None)

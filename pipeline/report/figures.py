@@ -11,6 +11,8 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from pipeline.data.diffraction import BrdfMap, DiffractionPeaks, SlitPatterns
+from pipeline.data.flash import FlashBrackets, FlashPhotographs, Tiles
+from pipeline.data.flash_maps import GratingDistribution, Highlights
 from pipeline.data.gratings import GratingSample, OrientationError, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.inspection import Defects, Inspection
@@ -21,6 +23,7 @@ from pipeline.data.pictures import Pictures, PictureSeries
 from pipeline.data.polarization import LineDeviation, PolarizerResponse
 from pipeline.data.printing import PrintLayout
 from pipeline.optics.colour import encode_srgb
+from pipeline.report import flash, flash_maps
 from pipeline.report.brdf_maps import brdf_maps
 from pipeline.report.diffraction_peaks import diffraction_peaks
 from pipeline.report.encoded import webp_uri
@@ -222,6 +225,11 @@ def _ends(values: NDArray[np.floating], scale: Scale) -> str:
 DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     GratingSample: _sample,
     PolarizerSequence: lambda value, _: photos(value),
+    FlashBrackets: lambda value, _: flash.brackets(value),
+    FlashPhotographs: lambda value, _: flash.flash_pictures(value),
+    Tiles: lambda value, _: flash.tiles(value),
+    Highlights: lambda value, _: flash_maps.highlights(value),
+    GratingDistribution: lambda value, _: flash_maps.distribution(value),
     OrientationMap: _orientation,
     PeriodMap: _period,
     PrintLayout: lambda value, _: print_layouts(value),

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.diffraction import BrdfMap, DiffractionPeaks, SlitPatterns
+from pipeline.data.flash import FlashPhotographs, Tiles
+from pipeline.data.flash_maps import GratingDistribution
 from pipeline.data.gratings import PARAMETER, GratingSample, OrientationError, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.inspection import Defects, Inspection
@@ -32,6 +34,8 @@ from pipeline.report.brdf_maps import exposed
 from pipeline.report.diffraction_peaks import grating_angles
 from pipeline.report.encoded import animated_webp, png, write_mp4
 from pipeline.report.exr import write_exr
+from pipeline.report.flash import shown_pattern, tile_columns
+from pipeline.report.flash_maps import shown_distribution
 from pipeline.report.inspections import csv_of
 from pipeline.report.labelled_pictures import exposed_pictures
 from pipeline.report.light_probes import exposed_probe
@@ -241,6 +245,35 @@ def _photos(stem: Path, value: PolarizerSequence) -> Written:
     yield _png(stem, np.vstack([np.hstack(cells[i : i + columns]) for i in range(0, len(cells), columns)]))
 
 
+def _flash(stem: Path, value: FlashPhotographs) -> Written:
+    """Radiance of the rectified sheet under each place of the flash, and the photograph under room light."""
+    if value.pixel_mm is None:
+        return
+    pictures = {f"{index}": radiance for index, radiance in enumerate(value.radiance)}
+    if value.room is not None:
+        pictures["room"] = value.room
+    for name, linear in pictures.items():
+        one = stem.with_name(f"{stem.name}_{name}")
+        yield _exr(one, {channel: linear[..., i] for i, channel in enumerate("RGB")}, pixel_mm=value.pixel_mm)
+        white = float(np.percentile(linear[::3, ::3].max(axis=-1), 99)) or 1.0
+        yield _png(one, encode_srgb(linear / white))
+
+
+def _distribution(stem: Path, value: GratingDistribution) -> Written:
+    """A row an orientation and period."""
+    angle, period = np.meshgrid(np.rad2deg(value.orientation_rad), value.period_um, indexing="ij")
+    columns = {"orientation_deg": angle, "period_um": period, "share": value.share}
+    yield _csv(stem, {name: column.ravel() for name, column in columns.items()})
+    yield _png(stem, shown_distribution(value))
+
+
+def _tiles(stem: Path, value: Tiles) -> Written:
+    """A row for each tile: where the centres of its corner pixels lie, and how well it is aligned."""
+    yield _csv(stem, tile_columns(value))
+    if value.pattern is not None:
+        yield _png(stem, shown_pattern(value.pattern))
+
+
 def _response(stem: Path, value: PolarizerResponse) -> Written:
     """Orientations go up, as in the report."""
     yield _exr(stem, {"intensity": value.intensity[::-1]})
@@ -373,6 +406,9 @@ def _coloured(values: NDArray[np.floating], scale: Scale) -> NDArray[np.float32]
 
 WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     PolarizerSequence.__name__: _photos,
+    FlashPhotographs.__name__: _flash,
+    Tiles.__name__: _tiles,
+    GratingDistribution.__name__: _distribution,
     BrdfMap.__name__: _brdf,
     Pictures.__name__: _labelled,
     LightProbe.__name__: _probe,

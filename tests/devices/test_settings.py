@@ -14,12 +14,15 @@ from photo_makers import write_image
 
 import pipeline
 from pipeline.codebase.source import Sources
+from pipeline.devices.flash_camera import FlashCamera
 from pipeline.devices.rotation_mount import SimulatedRotationMount
 from pipeline.devices.simulated import Camera, Panel, PolarizationBench
+from pipeline.devices.simulated_flash import FlashBench, PhoneFlash
 from pipeline.errors import InputError, InputErrors
 from pipeline.graph.catalog import Catalog, Entry
 
 CATALOG = Catalog(Sources())
+FLASH_RIG = FlashBench(camera=FlashCamera(), light=PhoneFlash())
 RIG = PolarizationBench(camera=Camera(), mount=SimulatedRotationMount(), light=Panel())
 GIVEN = {
     "width_um": 1.0,
@@ -58,6 +61,9 @@ EITHER_SIGN = {
     "simulate.logo": OPTICS,
     "simulate.misread_polarizer": {"stretch"},
     "simulate.polarizer_response": OPTICS,
+    "simulate.polygons": OPTICS | {"first_deg"},
+    "simulate.spiral": {"turn_deg"},
+    "simulate.stochastic_texture": OPTICS,
     "simulate.vector_design": OPTICS,
     "rotation_mount.CanopenRotationMount": {"zero_deg"},
     "rotation_mount.SimulatedRotationMount": {"eccentricity_deg"},
@@ -83,6 +89,8 @@ def test_no_stage_takes_a_negative_number_where_none_makes_sense(
     name: str, setting: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given = {**GIVEN, "file": file_for(name, tmp_path)}
+    if name == "capture.flash_photographs":
+        given["rig"] = FLASH_RIG
     entry = CATALOG.stages[name]
     module, function = importlib.import_module(entry.module), entry.signature.name
     parameters = inspect.signature(getattr(module, function)).parameters.values()
@@ -115,6 +123,11 @@ DEVICES = (
     "gphoto_camera.GphotoCamera",
     "lab.PolarizationBench",
     "replay.PhotoFolder",
+    "flash_camera.FlashCamera",
+    "simulated_flash.PhoneFlash",
+    "simulated_flash.FlashBench",
+    "lab_flash.HandHeldFlash",
+    "lab_flash.FlashBench",
 )
 
 
@@ -126,7 +139,11 @@ def test_no_device_takes_a_negative_number_where_none_makes_sense(name: str, set
         "mount": SimulatedRotationMount(),
         "light": Panel(),
         "folder": photographs(tmp_path),
+        "lights_mm": [[100.0, 0.0, 300.0]],
+        "sheet_mm": [297.0, 210.0],
     }
+    if name.endswith("FlashBench"):
+        given |= {"camera": FlashCamera(), "light": PhoneFlash()}
     kind = getattr(importlib.import_module(entry.module), entry.signature.name)
     settings = {n: value for n, value in given.items() if n in inspect.signature(kind).parameters}
     kind(**settings).check()

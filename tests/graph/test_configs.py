@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,20 +15,29 @@ from pipeline.bench import Experiment
 from pipeline.graph.config import configs_folder, options
 
 ROOT = Path(__file__).resolve().parents[2]
-RIG_WORDS = {"replay": ["rig.folder=photos"]}
+RIG_WORDS = {"replay": ["rig.folder=photos"], "flash_replay": ["rig.folder=photos"]}
 
 
 def takes_photographs(path: Path) -> bool:
     return "override /rig:" in path.read_text()
 
 
-@pytest.mark.parametrize("rig", options("rig"))
-@pytest.mark.parametrize("experiment", [n for n, path in options("experiment").items() if takes_photographs(path)])
+def of_one_kind() -> Iterator[tuple[str, str]]:
+    """Experiments that take photographs, on the rigs that take those."""
+    for experiment, path in options("experiment").items():
+        if takes_photographs(path):
+            for rig in options("rig"):
+                if rig.startswith("flash") == experiment.startswith("flash"):
+                    yield experiment, rig
+
+
+@pytest.mark.parametrize(("experiment", "rig"), list(of_one_kind()))
 def test_every_experiment_is_right_on_every_rig(experiment: str, rig: str) -> None:
     graph = Experiment.load([f"+experiment={experiment}", f"rig={rig}", *RIG_WORDS.get(rig, [])]).graph
-    assert "fit" in graph.nodes
+    estimate, compared = ("tiles", "drawn") if experiment.startswith("flash") else ("fit", "evaluate")
+    assert estimate in graph.nodes
     assert ("sample" in graph.nodes) == rig.endswith("simulated")
-    assert ("evaluate" in graph.nodes) == rig.endswith("simulated")
+    assert (compared in graph.nodes) == rig.endswith("simulated")
 
 
 @pytest.mark.parametrize("experiment", [n for n, path in options("experiment").items() if not takes_photographs(path)])

@@ -6,7 +6,7 @@ import colour
 import numpy as np
 import pytest
 
-from pipeline.optics.colour import encode_srgb, spectral_colour, white_balanced_weights
+from pipeline.optics.colour import encode_srgb, filtered_weights, spectral_colour, white_balanced_weights
 
 
 @pytest.mark.parametrize("light", ["D65", "A", "inverse A", "E"])
@@ -56,3 +56,23 @@ def test_one_wavelength_is_seen_in_its_hue_as_bright_as_a_display_can() -> None:
     assert spectral_colour(500).tolist() == pytest.approx([0, 1, 0.362], abs=0.001)
     assert spectral_colour(620)[[0, 2]].tolist() == [1, 0]
     assert spectral_colour(450).argmax() == 2
+
+
+def test_a_narrow_filter_leaves_the_colour_of_its_wavelength() -> None:
+    wavelength, weights = filtered_weights("E", 1.0, 600.0, 2.0)
+    assert np.median(wavelength) == pytest.approx(600)
+    every, unfiltered = white_balanced_weights("E", 1.0)
+    known = unfiltered[every == 600.0][0]
+    assert weights.sum(axis=0) / weights.sum() == pytest.approx(known / known.sum(), rel=0.01)
+
+
+def test_a_filter_of_twice_the_width_lets_twice_the_light_through() -> None:
+    narrow, wide = (filtered_weights("D65", 1.0, 530.0, width)[1].sum(axis=0)[1] for width in (4.0, 8.0))
+    assert wide / narrow == pytest.approx(2, rel=0.01)
+
+
+def test_filters_side_by_side_add_up_to_white() -> None:
+    """Gaussians that stand closer than they are wide add up to a constant, here the width times sqrt(pi / ln 16)."""
+    centres = np.arange(350.0, 811.0, 4.0)
+    total = sum(filtered_weights("D65", 1.0, centre, 10.0)[1].sum(axis=0) for centre in centres)
+    assert total * 4.0 / (10.0 * np.sqrt(np.pi / np.log(16))) == pytest.approx(np.ones(3), abs=0.01)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.optics.colour import Spectrum, white_balanced_weights
+from pipeline.optics.colour import Spectrum, filtered_weights, white_balanced_weights
 from pipeline.optics.compiled import njit
 from pipeline.optics.gratings import Form, efficiencies, highest_order, window_spread
 from pipeline.optics.sheet.view import View
@@ -62,9 +62,16 @@ def spectral_table(
     largest_half_vector: float,
     orders: Form = "exact",
     normal_reflectance: float = 1.0,
+    band_nm: tuple[float, float] | None = None,
 ) -> SpectralTable:
-    """Tabulate everything that does not depend on the pixel; orders up to the highest that can be seen."""
-    wavelength_nm, weights = white_balanced_weights(light, wavelength_step_nm)
+    """Tabulate everything that does not depend on the pixel; orders up to the highest that can be seen.
+
+    ``band_nm`` is the centre and the full width at half maximum of a filter before the camera.
+    """
+    if band_nm is None:
+        wavelength_nm, weights = white_balanced_weights(light, wavelength_step_nm)
+    else:
+        wavelength_nm, weights = filtered_weights(light, wavelength_step_nm, *band_nm)
     wavelength = wavelength_nm / 1000
     deepest = max(float(2 * np.pi / wavelength[0] * 2 * depth_um), _SHALLOWEST)
     count = highest_order(longest_period_um, float(wavelength[0]), largest_half_vector) + 1
