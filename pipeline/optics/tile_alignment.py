@@ -126,24 +126,28 @@ def of_one_sheet(
 
     Notes
     -----
-    Twelve unknowns: eight of the homography, and both steps. Least squares, far corners counting little.
+    A homography G of the sheet makes ``G T G^-1`` of a translation T. Affine ones make another translation of it, so
+    that six unknowns are left: the two by which G differs from them, and both steps. Least squares, corners that lie
+    far off counting little.
     """
     seen = np.stack([corners_of(homography, shape) for homography in found])
     scale = float(max(np.ptp(seen[..., 0]), np.ptp(seen[..., 1])))
     base = found[reference]
+    place = translation(*seen[reference].mean(axis=0)) @ np.diag([scale, scale, 1.0])
 
     def model(unknowns: Float64Array) -> Float64Array:
-        warp = np.append(unknowns[:8], 1.0).reshape(3, 3) * [[1, 1, scale], [1, 1, scale], [1 / scale, 1 / scale, 1]]
-        steps = unknowns[8:].reshape(2, 2)
-        moved = np.stack([warp @ translation(*(number @ steps)) for number in numbers - numbers[reference]])
-        return base @ np.linalg.inv(moved[reference]) @ moved
+        tilt = np.eye(3)
+        tilt[2, :2] = unknowns[:2]
+        tilt = place @ tilt @ np.linalg.inv(place)
+        moved = np.stack([translation(*away) for away in (numbers - numbers[reference]) @ unknowns[2:].reshape(2, 2)])
+        return np.asarray(tilt @ moved @ np.linalg.inv(tilt) @ base)
 
     def residuals(unknowns: Float64Array) -> Float64Array:
         there = np.stack([corners_of(homography, shape) for homography in model(unknowns)])
         return np.asarray((there - seen).ravel())
 
-    start = np.concatenate([[1, 0, 0, 0, 1, 0, 0, 0], steps_px.ravel()])
-    best = least_squares(residuals, start, loss="soft_l1", f_scale=0.3, x_scale=np.r_[np.full(8, 1e-3), np.ones(4)])
+    start = np.concatenate([np.zeros(2), steps_px.ravel()])
+    best = least_squares(residuals, start, loss="soft_l1", f_scale=0.3, x_scale=np.r_[np.full(2, 1e-3), np.ones(4)])
     homographies = model(best.x)
     return homographies / homographies[:, 2:, 2:], apart(homographies, found, shape)
 
