@@ -84,6 +84,8 @@ class OrientationMap:
         What the fit found that the whole sample has in common: each name ends in its unit.
     stokes : ndarray of shape (P, 2), float32, or None
         Relative Stokes parameters ``(s1, s2)`` of some of the pixels, where the fit found their curve.
+    metrics : dict of str to float
+        Figures for the table that need no truth: each name ends in its unit.
     """
 
     orientation_rad: FloatArray
@@ -95,6 +97,7 @@ class OrientationMap:
     standard_error_rad: FloatArray | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     stokes: FloatArray | None = None
+    metrics: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of_angles(cls, orientation_rad: FloatArray, *, pixel_mm: float | None, absolute: bool) -> OrientationMap:
@@ -117,12 +120,18 @@ class PeriodMap:
         Pixel pitch on the sample.
     relative : bool
         True where only ratios of periods were measured and the longest was given.
+    standard_error_um : ndarray of shape (M, N), float32, or None
+        Standard error of the period as the fit states it; NaN outside ``mask``.
+    metrics : dict of str to float
+        Figures for the table that need no truth: each name ends in its unit.
     """
 
     period_um: FloatArray
     mask: BoolArray
     pixel_mm: float | None = None
     relative: bool = True
+    standard_error_um: FloatArray | None = None
+    metrics: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from pipeline.data.diffraction import BrdfMap, DiffractionPeaks, SlitPatterns
 from pipeline.data.flash import FlashPhotographs, Tiles
+from pipeline.data.flash_maps import GratingDistribution
 from pipeline.data.gratings import PARAMETER, GratingSample, OrientationError, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.inspection import Defects, Inspection
+from pipeline.data.light_probes import LightProbe
 from pipeline.data.photographs import PolarizerSequence
 from pipeline.data.pictures import Pictures, PictureSeries
 from pipeline.data.polarization import LineDeviation, PolarizerResponse
@@ -33,8 +35,10 @@ from pipeline.report.diffraction_peaks import grating_angles
 from pipeline.report.encoded import animated_webp, png, write_mp4
 from pipeline.report.exr import write_exr
 from pipeline.report.flash import shown_pattern, tile_columns
+from pipeline.report.flash_maps import shown_distribution
 from pipeline.report.inspections import csv_of
 from pipeline.report.labelled_pictures import exposed_pictures
+from pipeline.report.light_probes import exposed_probe
 from pipeline.report.maps import Scale, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import Figure
@@ -255,6 +259,14 @@ def _flash(stem: Path, value: FlashPhotographs) -> Written:
         yield _png(one, encode_srgb(linear / white))
 
 
+def _distribution(stem: Path, value: GratingDistribution) -> Written:
+    """A row an orientation and period."""
+    angle, period = np.meshgrid(np.rad2deg(value.orientation_rad), value.period_um, indexing="ij")
+    columns = {"orientation_deg": angle, "period_um": period, "share": value.share}
+    yield _csv(stem, {name: column.ravel() for name, column in columns.items()})
+    yield _png(stem, shown_distribution(value))
+
+
 def _tiles(stem: Path, value: Tiles) -> Written:
     """A row for each tile: where the centres of its corner pixels lie, and how well it is aligned."""
     yield _csv(stem, tile_columns(value))
@@ -304,6 +316,11 @@ def _labelled(stem: Path, value: Pictures) -> Written:
         place = stem.with_name(f"{stem.name}_{k}")
         yield _exr(place, {name: linear[..., i] for i, name in enumerate("RGB")}, label=label)
         yield _png(place, picture)
+
+
+def _probe(stem: Path, value: LightProbe) -> Written:
+    yield _exr(stem, {name: value.rgb[..., i] for i, name in enumerate("RGB")})
+    yield _png(stem, exposed_probe(value)[0])
 
 
 def _heights(stem: Path, value: HeightField) -> Written:
@@ -391,8 +408,10 @@ WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     PolarizerSequence.__name__: _photos,
     FlashPhotographs.__name__: _flash,
     Tiles.__name__: _tiles,
+    GratingDistribution.__name__: _distribution,
     BrdfMap.__name__: _brdf,
     Pictures.__name__: _labelled,
+    LightProbe.__name__: _probe,
     OrientationMap.__name__: _orientation,
     PeriodMap.__name__: _period,
     PrintLayout.__name__: _print_layout,

@@ -62,6 +62,8 @@ EITHER_SIGN = {
     "simulate.misread_polarizer": {"stretch"},
     "simulate.polarizer_response": OPTICS,
     "simulate.polygons": OPTICS | {"first_deg"},
+    "simulate.spiral": {"turn_deg"},
+    "simulate.stochastic_texture": OPTICS,
     "simulate.vector_design": OPTICS,
     "rotation_mount.CanopenRotationMount": {"zero_deg"},
     "rotation_mount.SimulatedRotationMount": {"eccentricity_deg"},

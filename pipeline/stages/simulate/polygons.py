@@ -23,6 +23,7 @@ def polygons(
     orientations: int = 8,
     first_deg: float = 10.0,
     period_um: float = 1.6666666666666667,
+    longest_um: float | None = None,
     depth_um: float = 0.12,
     seam_mm: float = 0.0,
     amplitude_ratio: float = 1.1,
@@ -46,6 +47,8 @@ def polygons(
         The first of them.
     period_um, depth_um : float
         Of all gratings; the depth from peak to valley. By default 600 lines to a millimetre.
+    longest_um : float, optional
+        Instead of one period, as many as polygons, evenly from ``period_um`` to this one and dealt out.
     seam_mm : float
         Width of the ground between polygons.
     amplitude_ratio, phase_deg, retardation_deg, film_axis_deg, ground_reflectance : float
@@ -63,8 +66,9 @@ def polygons(
     InputError, InputErrors
         Fewer than two polygons or one orientation, no period or width, or a map too large to draw.
     """
-    common = {"pixel_mm": pixel_mm, "depth_um": depth_um, "amplitude_ratio": amplitude_ratio}
+    common: dict[str, Any] = {"pixel_mm": pixel_mm, "depth_um": depth_um, "amplitude_ratio": amplitude_ratio}
     common |= {"ground_reflectance": ground_reflectance, "period_um": period_um, "seam_mm": seam_mm}
+    common |= {"longest_um": longest_um}
     _check_polygons(width_mm=width_mm, count=count, orientations=orientations, seed=seed, **common)
     drawing = blank(width_mm=width_mm, margin_mm=0.0, pixel_mm=pixel_mm)
     x, y = np.meshgrid(drawing.x_mm, drawing.y_mm)
@@ -75,11 +79,14 @@ def polygons(
         centres += [away[cell == k].mean(axis=0) if (cell == k).any() else (0.0, 0.0) for k in range(count)]
     cell, to_seam, _ = _nearest(centres, x, y, width_mm)
     dealt = rng.permutation(np.arange(count) % orientations)
+    periods = np.linspace(period_um, longest_um or period_um, count)
+    if longest_um is not None:
+        periods = rng.permutation(periods)
     angles = np.deg2rad(first_deg) + np.pi * dealt / orientations
     window = drawing.window(-width_mm, -width_mm, width_mm, width_mm)
     for k in range(count):
         inside = (cell == k) & (to_seam >= seam_mm / 2)
-        drawing.paint(window, inside, float(angles[k]), period_um)
+        drawing.paint(window, inside, float(angles[k]), float(periods[k]))
     return drawn_sample(
         drawing,
         "polygons",
@@ -96,7 +103,15 @@ _foresee_polygons = foreseen
 
 
 def _check_polygons(
-    *, width_mm: float, count: int, orientations: int, period_um: float, seam_mm: float, seed: int, **common: Any
+    *,
+    width_mm: float,
+    count: int,
+    orientations: int,
+    period_um: float,
+    longest_um: float | None,
+    seam_mm: float,
+    seed: int,
+    **common: Any,
 ) -> None:
     """Refuse what cannot be drawn, before anything runs."""
     problems: list[InputError] = []
@@ -112,7 +127,7 @@ def _check_polygons(
         problems if count >= 2 else [],
         at_least(2, "so that there are edges", count=count),
         at_least(1, "or nothing diffracts", orientations=orientations),
-        above_zero(period_um=period_um),
+        above_zero(period_um=period_um, longest_um=longest_um),
         zero_or_more(seam_mm=seam_mm, seed=seed),
         undrawable(width_mm=width_mm, margin_mm=0.0, **common),
     )

@@ -1,0 +1,174 @@
+"""Which period a grating has, from how brightly its repeats diffract light of one wavelength."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.optics.compiled import njit
+from pipeline.optics.gratings import order_efficiency
+
+Float64Array = NDArray[np.float64]
+
+_ACROSS = 4.0
+"""Standard deviations from the tangent beyond which every view is dark, whatever the period."""
+_MODEL_ERROR = 0.05
+_FAR = 16.0
+
+
+@dataclass(frozen=True)
+class Orders:
+    """Light of one wavelength on sinusoidal gratings.
+
+    Attributes
+    ----------
+    wavelength_um : float
+        Of the light.
+    band_um : float
+        Standard deviation of the filter's band.
+    depth_um : float or None
+        Peak-to-valley depth of the gratings, which says what share of the light each order takes; None where only the
+        first is looked at.
+    """
+
+    wavelength_um: float
+    band_um: float = 0.0
+    depth_um: float | None = None
+
+    def shares(self, w: Float64Array) -> Float64Array:
+        """Of orders 0, 1 and 2, shape (3, ...), where the half vector's part along the normal is ``w``."""
+        order = np.arange(3).reshape(3, *[1] * np.ndim(w))
+        if self.depth_um is None:
+            return np.broadcast_to(order == 1, (3, *np.shape(w))).astype(np.float64)
+        return order_efficiency(order, 2 * np.pi / self.wavelength_um * w * self.depth_um)
+
+
+def order_sum(
+    u: Float64Array,
+    v: Float64Array,
+    variance: Float64Array,
+    shares: Float64Array,
+    period_um: Float64Array | float,
+    orders: Orders,
+) -> Float64Array:
+    """Brightness of all orders up to the second at half vectors (u, v).
+
+    Each order is a Gaussian of ``variance`` across the tangent, wider along it by the filter's band, which order m
+    spreads over ``m band / a``; its integral stays.
+    """
+    total = np.zeros(np.shape(u))
+    for order in (-2, -1, 0, 1, 2):
+        along = variance + (order * orders.band_um / period_um) ** 2
+        away = u - order * orders.wavelength_um / period_um
+        lobe = np.exp(-(away**2) / (2 * along) - v**2 / (2 * variance)) / np.sqrt(along * variance)
+        total += shares[abs(order)] * lobe
+    return total
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def best_periods(
+    brightness: Any,
+    u: Any,
+    v: Any,
+    variance: Any,
+    shares: Any,
+    halves: Any,
+    periods: Any,
+    wavelength: float,
+    band: float,
+    found: Any,
+) -> None:
+    """Fill ``found`` (3, 2, M, N): the period that fits best and its standard error, of all views and of either half.
+
+    The views of a pixel are compared with :func:`order_sum` for each of ``periods`` (K,), equally spaced in their
+    logarithm; the height is free, and the best fit is refined by a parabola.
+
+    Parameters
+    ----------
+    brightness, u, v, variance : ndarray of shape (O, M, N)
+        Views of a tile; NaN where there is none.
+    shares : ndarray of shape (3, O, M, N)
+        Brightness of orders 0, 1 and 2 for a light without extent.
+    halves : ndarray of shape (O,), int64
+        0 or 1: which half of the views each belongs to.
+    """
+    views, rows, columns = brightness.shape
+    steps = periods.size
+    spacing = np.log(periods[1] / periods[0])
+    scores = np.empty(steps)
+    use = np.empty(views, np.int64)
+    for row in range(rows):
+        for column in range(columns):
+            for part in range(3):
+                found[part, :, row, column] = np.nan
+                count, square = 0, 0.0
+                for i in range(views):
+                    b = brightness[i, row, column]
+                    if part and halves[i] != part - 1:
+                        continue
+                    if np.isfinite(b) and v[i, row, column] ** 2 < _ACROSS**2 * variance[i, row, column]:
+                        use[count] = i
+                        count += 1
+                        square += b * b
+                if count < 2 or square == 0:
+                    continue
+                best = 0
+                for k in range(steps):
+                    first, wide = wavelength / periods[k], band / periods[k]
+                    cross = norm = 0.0
+                    for n in range(count):
+                        i = use[n]
+                        along, s = abs(u[i, row, column]), variance[i, row, column]
+                        lobe = 0.0
+                        for order in range(-1, 3):
+                            wider = s + (order * wide) ** 2
+                            away = (along - order * first) ** 2 / (2 * wider)
+                            share = shares[abs(order), i, row, column]
+                            if share > 0 and away < _FAR:
+                                lobe += share * np.exp(-away) / np.sqrt(s * wider)
+                        lobe *= np.exp(-(v[i, row, column] ** 2) / (2 * s))
+                        cross += brightness[i, row, column] * lobe
+                        norm += lobe * lobe
+                    scores[k] = cross * cross / (norm * square) if norm > 0 else 0.0
+                    if scores[k] > scores[best]:
+                        best = k
+                if best == 0 or best == steps - 1:
+                    continue
+                left, middle, right = scores[best - 1], scores[best], scores[best + 1]
+                bend = 2 * middle - left - right
+                if bend <= 0:
+                    continue
+                value = periods[best] * np.exp(0.5 * (right - left) / bend * spacing)
+                noise = max((1 - middle) / max(count - 2, 1), _MODEL_ERROR**2 / count)
+                found[part, 0, row, column] = value
+                found[part, 1, row, column] = value * spacing * np.sqrt(2 * noise / bend)
+
+
+def common_variation(first: Float64Array, second: Float64Array, blocks: NDArray[np.int64]) -> tuple[float, float]:
+    """Relative scatter that two measurements of the same pixels share, and how many standard errors it is above none.
+
+    Errors of the two are independent, so that only what really varies makes their covariance. Its standard error
+    is that of a jackknife over blocks of pixels, since neighbours are not independent.
+
+    Parameters
+    ----------
+    first, second : ndarray of shape (P,)
+        Periods by either half of the views.
+    blocks : ndarray of shape (P,)
+        Which block each pixel belongs to.
+    """
+    left = np.clip(np.log(first / np.median(first)), -1, 1)
+    right = np.clip(np.log(second / np.median(second)), -1, 1)
+    product = (left - left.mean()) * (right - right.mean())
+    _, index = np.unique(blocks, return_inverse=True)
+    sums, counts = np.bincount(index, product), np.bincount(index)
+    total, count, groups = sums.sum(), counts.sum(), len(sums)
+    if groups < 2:
+        return float(np.sqrt(max(total / count, 0.0))), 0.0
+    without = (total - sums) / (count - counts)
+    error = np.sqrt((groups - 1) / groups * np.sum((without - without.mean()) ** 2))
+    covariance = total / count
+    return float(np.sqrt(max(covariance, 0.0))), float(covariance / error) if error > 0 else 0.0

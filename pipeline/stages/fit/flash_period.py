@@ -1,0 +1,423 @@
+"""Period of a tile's gratings from photographs of a sheet under a filtered flash."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.flash import FlashPhotographs, Tiles
+from pipeline.data.flash_maps import Highlights
+from pipeline.data.gratings import OrientationMap, PeriodMap
+from pipeline.errors import InputError
+from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
+from pipeline.optics.flash.common_fit import Common, Sample, common_fit
+from pipeline.optics.flash.lobes import FWHM
+from pipeline.optics.flash.periods import Orders, best_periods, common_variation
+from pipeline.stages.fit._tile_views import Bench, Views, bench, over_blocks
+
+_log = logging.getLogger(__name__)
+
+_tolerance_flash_period = {"period_um": 1e-3, "standard_error_um": 1e-2, "metrics": 0.1}
+
+_STEP = 0.015
+"""Of the periods tried, relative."""
+_SAMPLE = 20_000
+"""Views from which common figures are fitted."""
+_ACROSS = 2.0
+_SMOOTH_RAD = float(np.deg2rad(6))
+"""Turn from a pixel to its neighbours above which it may hold two gratings, and tells nothing of what all share."""
+_FEW_SMOOTH = 0.1
+_BLOCKS = 8
+"""Along a side of the tile, for the jackknife."""
+_SIGNIFICANT = 3.0
+_SURE = 0.05
+"""Relative standard error beyond which a measurement takes no part in the test."""
+_DOUBTFUL = 0.2
+"""The same, beyond which a pixel's period is not known."""
+_EXPLAINED = 0.25
+"""Residual, relative to brightness, above which one period does not explain the views."""
+_FEWEST = 50
+"""Pixels measured twice, below which nothing is tested."""
+_UNFILTERED_BANDWIDTH_NM = 100.0
+"""About that of a camera's green channel."""
+
+Array = NDArray[np.floating]
+
+
+def flash_period(
+    photos: FlashPhotographs,
+    tiles: Tiles,
+    highlights: Highlights,
+    orientation: OrientationMap,
+    *,
+    method: Literal["modelled", "naive"] = "modelled",
+    kind: Literal["auto", "constant", "varying"] = "auto",
+    tolerance_percent: float = 1.0,
+    share: float = 0.5,
+    keep_off: float = 1.5,
+    shortest_um: float = 0.7,
+    longest_um: float = 4.0,
+    wavelength_nm: float | None = None,
+    light_distance_mm: float | None = None,
+    camera_distance_mm: float | None = None,
+    light_sigma_mm: float | None = None,
+    coherence_um: float = 65.0,
+) -> PeriodMap:
+    """Read periods off where, around the highlight, a tile's repeats send light of one wavelength to the camera.
+
+    The first order of wavelength lambda is seen where the half vector's part u along the tangent is lambda / a.
+    ``naive`` is the paper's method: each bright view outside the highlight gives ``a = lambda / |u|``. It is biased,
+    since a flash that is not small smears orders, and the highlight's flank lifts what lies on its side of them.
+    ``modelled`` fits each pixel's views by the orders up to the second, each as wide as the flash, the coherence
+    window, the filter's band and the pixel make it; the flash's extent and the share of the zeroth and the second
+    order are fitted to all pixels together.
+
+    Whether one number will do is tested: each pixel is measured twice, from either half of the tiles. What both
+    measurements share is real, what they do not is error. Where the shared scatter is less than
+    ``tolerance_percent`` or not significant (3 standard errors, by a jackknife over blocks), and lobes of one period
+    leave less than a quarter of the brightness unexplained, that one, fitted to all views, is given to all pixels.
+
+    Parameters
+    ----------
+    photos : FlashPhotographs
+        Rectified, with a filter.
+    tiles, highlights : Tiles, Highlights
+        Of the same sheet, and of these photographs.
+    orientation : OrientationMap
+        Of the tile.
+    method : {"modelled", "naive"}
+        The fit of lobes, or the paper's equation 3.
+    kind : {"auto", "constant", "varying"}
+        One period, a map, or what the test says.
+    tolerance_percent : float
+        Scatter of periods that is not worth a map.
+    share : float
+        Of the brightest: views that ``naive`` reads.
+    keep_off : float
+        Standard deviations of the highlight within which no pixel is read.
+    shortest_um, longest_um : float
+        Between which periods are sought.
+    wavelength_nm : float, optional
+        Of the light, where the photographs do not say; white light gives wrong periods.
+    light_distance_mm, camera_distance_mm : float, optional
+        From the sheet, where the photographs do not know them: the flash then stands where the highlight puts it.
+    light_sigma_mm : float, optional
+        Extent of the flash from which the fit starts.
+    coherence_um : float
+        Width 4 sigma_s of the coherence window; 65 um for sunlight.
+
+    Returns
+    -------
+    PeriodMap
+        Of the tile, absolute.
+
+    Raises
+    ------
+    InputError
+        The wavelength or a distance is not known, the orientation is of another tile, or nothing is bright.
+
+    References
+    ----------
+    Toisoul, Dhillon and Ghosh, Acquiring spatially varying appearance of printed holographic surfaces (2018),
+    sections 4.4 and 7.1, equation 3.
+    """
+    _check_flash_period(
+        tolerance_percent=tolerance_percent,
+        share=share,
+        keep_off=keep_off,
+        shortest_um=shortest_um,
+        longest_um=longest_um,
+        wavelength_nm=wavelength_nm,
+        light_distance_mm=light_distance_mm,
+        camera_distance_mm=camera_distance_mm,
+        light_sigma_mm=light_sigma_mm,
+        coherence_um=coherence_um,
+    )
+    if orientation.orientation_rad.shape != tuple(tiles.shape):
+        raise InputError(
+            f"an orientation map of {orientation.orientation_rad.shape} is not of a tile of {tuple(tiles.shape)}",
+            expected="the map of the same tile",
+        )
+    orders = _orders(photos, wavelength_nm)
+    placed = bench(
+        photos,
+        highlights,
+        light_distance_mm=light_distance_mm,
+        camera_distance_mm=camera_distance_mm,
+        light_sigma_mm=light_sigma_mm,
+        coherence_um=coherence_um,
+        keep_off=keep_off,
+    )
+    if method == "naive":
+        return _naive(photos, tiles, placed, orientation, orders, share=share, longest_um=longest_um)
+    scan = _Scan(photos, tiles, placed, orientation, np.exp(np.arange(np.log(shortest_um), np.log(longest_um), _STEP)))
+    one, each = scan.common(scan.of(orders, placed)[0, 0], orders)
+    common = min(one, each, key=lambda fit: fit.residual)
+    found = scan.of(common.orders, replace(placed, light_sigma_mm=common.light_sigma_mm))
+    alone = _alone(orientation.orientation_rad)
+    verdict = _verdict(np.where(alone, found, np.nan), one.residual, tolerance_percent)
+    _log.info("%s", verdict.words)
+    constant = verdict.constant if kind == "auto" else kind == "constant"
+    period, error = found[0].astype(np.float32)
+    known = error < _DOUBTFUL * period
+    sure = known & alone & (error < _SURE * period)
+    metrics = {"period_variation_percent": verdict.percent, "period_constant": float(constant)}
+    metrics |= {
+        "one_period_residual_percent": 100 * one.residual,
+        **_scatter(period[sure if sure.any() else np.isfinite(period)]),
+    }
+    mask = orientation.mask if constant else orientation.mask & known
+    if constant:
+        common = one
+        metrics["period_um"] = one.period_um or np.nan
+        error = np.full_like(error, _error_of_common(np.where(sure, period, np.nan)))
+        period = np.full_like(period, metrics["period_um"])
+    metrics |= {
+        "light_sigma_mm": common.light_sigma_mm,
+        "depth_um": common.orders.depth_um or 0.0,
+        "lobe_residual_percent": 100 * common.residual,
+    }
+    return PeriodMap(
+        period_um=np.where(mask, period, np.float32(np.nan)),
+        mask=mask,
+        pixel_mm=tiles.pixel_mm,
+        relative=False,
+        standard_error_um=np.where(mask, error, np.float32(np.nan)),
+        metrics=metrics,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """The views of a tile, read again for each model of their lobes."""
+
+    photos: FlashPhotographs
+    tiles: Tiles
+    placed: Bench
+    orientation: OrientationMap
+    periods: NDArray[np.float64]
+
+    def of(self, orders: Orders, placed: Bench) -> NDArray[np.float64]:
+        """Periods and standard errors, shape (3, 2, M, N): of all views and of either half."""
+        found = np.full((3, 2, *self.tiles.shape), np.nan)
+        photographs, tiles = len(self.photos.radiance), len(self.tiles.homographies)
+        halves = np.add.outer(np.arange(photographs), np.arange(tiles)).ravel() % 2
+        wide = replace(placed, keep_off_mm=self.placed.keep_off_mm)
+
+        def read(views: Views, rows: slice) -> None:
+            u, v = _along(views, self.orientation.orientation_rad[rows])
+            best_periods(
+                views.brightness,
+                u,
+                v,
+                views.spread**2,
+                views.half.gain * orders.shares(views.half.w),
+                halves,
+                self.periods,
+                orders.wavelength_um,
+                orders.band_um,
+                found[:, :, rows],
+            )
+
+        over_blocks(self.photos, self.tiles, wide, read)
+        return found
+
+    def common(self, period_um: Array, orders: Orders) -> tuple[Common, Common]:
+        """What all lobes share: with one period, and with those that were found.
+
+        Raises
+        ------
+        InputError
+            No period was found.
+        """
+        known = period_um[np.isfinite(period_um)]
+        if not known.size:
+            raise InputError(
+                "no pixel is bright where an order would be", expected="photographs with a filter before the camera"
+            )
+        start = {"period_um": float(np.median(known)), "light_sigma_mm": self.placed.light_sigma_mm or 1.0}
+        return common_fit(self.sample(None), orders, **start), common_fit(self.sample(period_um), orders, **start)
+
+    def sample(self, period_um: Array | None) -> Sample:
+        """Some of the views near the tangent, chosen evenly."""
+        parts: list[NDArray[np.float64]] = []
+        alone = _alone(self.orientation.orientation_rad)
+        total = len(self.photos.radiance) * len(self.tiles.homographies) * int(np.prod(self.tiles.shape))
+        every = max(1, int(total * 0.1) // _SAMPLE)
+
+        def read(views: Views, rows: slice) -> None:
+            u, v = _along(views, self.orientation.orientation_rad[rows])
+            known = np.zeros_like(u) if period_um is None else np.broadcast_to(period_um[rows], u.shape)
+            near = (v**2 < (_ACROSS * views.spread) ** 2) & alone[rows]
+            near &= np.isfinite(views.brightness) & np.isfinite(known)
+            light = views.half.light_mm
+            rest = views.spread**2 - (self.placed.light_sigma_mm / light) ** 2
+            columns = (views.brightness, u, v, views.half.w, views.half.gain, light, rest, known)
+            parts.append(np.stack([column[near][::every] for column in columns]).astype(np.float64))
+
+        over_blocks(self.photos, self.tiles, self.placed, read)
+        parts.sort(key=lambda part: float(part[:2].sum()))
+        brightness, u, v, w, gain, light_mm, rest, known = np.concatenate(parts, axis=1)
+        return Sample(brightness, u, v, w, gain, light_mm, rest, None if period_um is None else known)
+
+
+def _along(views: Views, orientation_rad: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Half vectors along the tangent and across it."""
+    cosine, sine = np.cos(orientation_rad, dtype=np.float64), np.sin(orientation_rad, dtype=np.float64)
+    return views.half.x * cosine + views.half.y * sine, views.half.y * cosine - views.half.x * sine
+
+
+def _alone(orientation_rad: Array) -> NDArray[np.bool_]:
+    """Pixels around which the tangent hardly turns; all that are known where these are few."""
+    known = np.isfinite(orientation_rad)
+    double = np.where(known, np.exp(2j * np.nan_to_num(orientation_rad)), 0)
+    turns = [abs(np.angle(np.roll(double, step, axis) * np.conj(double))) / 2 for axis in (0, 1) for step in (-1, 1)]
+    sure = known & np.all([np.roll(known, step, axis) for axis in (0, 1) for step in (-1, 1)], axis=0)
+    smooth = sure & (np.max(turns, axis=0) < _SMOOTH_RAD)
+    return smooth if smooth.sum() > _FEW_SMOOTH * known.sum() else known
+
+
+def _orders(photos: FlashPhotographs, wavelength_nm: float | None) -> Orders:
+    wavelength = wavelength_nm or photos.wavelength_nm
+    if wavelength is None:
+        raise InputError(
+            "the photographs were taken without a filter",
+            where="wavelength_nm",
+            expected="photographs with one: each wavelength is diffracted elsewhere",
+        )
+    if photos.wavelength_nm is None:
+        _log.warning("without a filter all wavelengths are seen at once: periods are wrong")
+    bandwidth = photos.bandwidth_nm or (_UNFILTERED_BANDWIDTH_NM if photos.wavelength_nm is None else 0.0)
+    return Orders(wavelength / 1000, bandwidth / FWHM / 1000)
+
+
+def _naive(
+    photos: FlashPhotographs,
+    tiles: Tiles,
+    placed: Bench,
+    orientation: OrientationMap,
+    orders: Orders,
+    *,
+    share: float,
+    longest_um: float,
+) -> PeriodMap:
+    """Each bright view's ``lambda / |u|``; a pixel takes their mean by brightness."""
+    shape = tiles.shape
+    peak = np.zeros(shape)
+    least = orders.wavelength_um / longest_um
+
+    def brightest(views: Views, rows: slice) -> None:
+        outside = np.where(views.half.length > least, views.brightness, 0)
+        peak[rows] = np.nan_to_num(outside).max(axis=0)
+
+    over_blocks(photos, tiles, placed, brightest)
+    level = share * float(np.percentile(peak[orientation.mask], 99.5))
+    period = np.full(shape, np.nan, np.float32)
+    every: list[NDArray[np.float64]] = []
+
+    def read(views: Views, rows: slice) -> None:
+        u, _ = _along(views, orientation.orientation_rad[rows])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = orders.wavelength_um / np.abs(u)
+        bright = (views.brightness > level) & (value < longest_um)
+        weight = np.where(bright, views.brightness, 0).astype(np.float64)
+        total = weight.sum(axis=0)
+        mean = np.where(bright, weight * value, 0).sum(axis=0) / np.where(total > 0, total, np.nan)
+        period[rows] = mean
+        every.append(value[bright])
+
+    over_blocks(photos, tiles, placed, read)
+    chosen = np.concatenate(every)
+    if not chosen.size:
+        raise InputError("no view outside the highlights is bright", where="share", expected="a lower one")
+    mask = orientation.mask & np.isfinite(period)
+    return PeriodMap(
+        np.where(mask, period, np.float32(np.nan)), mask, tiles.pixel_mm, relative=False, metrics=_scatter(chosen)
+    )
+
+
+def _scatter(periods: Array) -> dict[str, float]:
+    return {
+        "period_mean_um": float(np.mean(periods, dtype=np.float64)),
+        "period_std_um": float(np.std(periods, dtype=np.float64)),
+        "period_min_um": float(np.min(periods)),
+        "period_max_um": float(np.max(periods)),
+    }
+
+
+@dataclass(frozen=True)
+class _Verdict:
+    constant: bool
+    percent: float
+    words: str
+
+
+def _verdict(found: Array, residual: float, tolerance_percent: float) -> _Verdict:
+    """Whether the periods of pixels differ by more than their measurements do, and whether one explains all views."""
+    (first, second), (error, other) = found[1:, 0], found[1:, 1]
+    twice = (error < _SURE * first) & (other < _SURE * second)
+    percent, errors = float("nan"), 0.0
+    if np.count_nonzero(twice) >= _FEWEST:
+        scatter, errors = common_variation(first[twice], second[twice], _blocks(first.shape)[twice])
+        percent = 100 * scatter
+    varies = percent >= tolerance_percent and errors >= _SIGNIFICANT
+    constant = not varies and residual < _EXPLAINED
+    words = (
+        f"Periods vary by {percent:.2g} percent ({errors:.1f} standard errors above none), and one period leaves "
+        f"{100 * residual:.2g} percent of the brightness unexplained: {'one number will do' if constant else 'a map'}."
+    )
+    return _Verdict(constant, percent, words)
+
+
+def _blocks(shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Which of the blocks of a jackknife each pixel belongs to."""
+    rows, columns = np.indices(shape)
+    return (rows * _BLOCKS // shape[0]) * _BLOCKS + columns * _BLOCKS // shape[1]
+
+
+def _error_of_common(period: Array) -> float:
+    """Standard error of one period for all pixels, from the scatter of the medians of blocks."""
+    blocks = _blocks(period.shape)
+    known = [period[(blocks == one) & np.isfinite(period)] for one in range(_BLOCKS**2)]
+    medians = [np.median(values) for values in known if values.size]
+    return float(np.std(medians) / np.sqrt(len(medians))) if medians else float("nan")
+
+
+def _check_flash_period(
+    *,
+    tolerance_percent: float,
+    share: float,
+    keep_off: float,
+    shortest_um: float,
+    longest_um: float,
+    wavelength_nm: float | None,
+    light_distance_mm: float | None,
+    camera_distance_mm: float | None,
+    light_sigma_mm: float | None,
+    coherence_um: float,
+    **_: object,
+) -> None:
+    """Refuse impossible settings before anything runs."""
+    refuse(
+        zero_or_more(tolerance_percent=tolerance_percent, keep_off=keep_off),
+        above_zero_up_to(1, share=share),
+        above_zero(
+            shortest_um=shortest_um,
+            longest_um=longest_um,
+            wavelength_nm=wavelength_nm,
+            light_distance_mm=light_distance_mm,
+            camera_distance_mm=camera_distance_mm,
+            light_sigma_mm=light_sigma_mm,
+            coherence_um=coherence_um,
+        ),
+    )
+    if shortest_um >= longest_um:
+        raise InputError(
+            f"shortest_um {shortest_um:g} is not below longest_um {longest_um:g}",
+            where="shortest_um, longest_um",
+            expected="the shortest below the longest",
+        )

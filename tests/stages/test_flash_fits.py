@@ -1,0 +1,197 @@
+"""Highlight, orientation and period from flash photographs that the reference renderer made."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flash_sheets import GREEN, laid_tiles, photographed, stripes
+
+from pipeline.data.flash import FlashPhotographs
+from pipeline.data.gratings import OrientationMap
+from pipeline.errors import InputError
+from pipeline.optics.angles import axial_difference
+from pipeline.stages.fit.flash_orientation import flash_orientation
+from pipeline.stages.fit.flash_period import flash_period
+from pipeline.stages.fit.highlight import highlight
+
+SIDE, PIXEL, TILES = 16, 1.5, (11, 8)
+DEGREES = [5.0, 50.0, 95.0, 140.0]
+LIGHTS = [[50.0, 30.0, 200.0], [-50.0, 30.0, 200.0], [0.0, -40.0, 200.0]]
+TANGENTS = stripes(DEGREES, side=SIDE)
+SPACED = laid_tiles((SIDE, SIDE), TILES, PIXEL)
+PERIOD = 1 / 0.6
+
+
+def sheet(period_um: float | np.ndarray = PERIOD, count: int = 3, **light: object) -> FlashPhotographs:
+    periods = np.broadcast_to(np.asarray(period_um, np.float32), TANGENTS.shape)
+    return photographed(TANGENTS, periods, LIGHTS[:count], pixel_mm=PIXEL, tiles=TILES, **light)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def white() -> FlashPhotographs:
+    return sheet()
+
+
+@pytest.fixture(scope="module")
+def green() -> FlashPhotographs:
+    return sheet(band_nm=GREEN)
+
+
+@pytest.fixture(scope="module")
+def measured(white: FlashPhotographs) -> OrientationMap:
+    return flash_orientation(white, SPACED, highlight(white))
+
+
+def test_highlights_lie_where_a_mirror_shows_the_flash_and_tell_its_size(white: FlashPhotographs) -> None:
+    found = highlight(white)
+    # The mirror point divides the way between the feet of light and camera as their heights.
+    np.testing.assert_allclose(found.place_mm, np.array(LIGHTS)[:, :2] * 500 / 700, atol=0.3)
+    np.testing.assert_allclose(found.stated_mm, np.array(LIGHTS)[:, :2] * 500 / 700)
+    assert found.light_sigma_mm == pytest.approx(5.0, rel=0.1)
+    assert not found.saturated.any()
+    assert not found.outside.any()
+
+
+def test_a_flash_that_was_elsewhere_than_stated_is_noticed(
+    white: FlashPhotographs, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        found = highlight(replace(white, light_mm=white.light_mm + np.array([0.0, 20.0, 0.0])))
+    assert "the highlight of photograph 0 lies 14.3 mm from where" in caplog.text
+    assert found.metrics["highlight_off_max_mm"] == pytest.approx(20 * 500 / 700, abs=0.3)
+
+
+def test_a_highlight_outside_the_picture_or_too_bright_is_noticed(
+    white: FlashPhotographs, caplog: pytest.LogCaptureFixture
+) -> None:
+    beside = photographed(TANGENTS, np.full_like(TANGENTS, PERIOD), [[400.0, 0.0, 200.0]], pixel_mm=PIXEL, tiles=TILES)
+    valid = white.valid.copy()
+    valid[0] &= white.radiance[0].mean(axis=-1) < 0.2 * white.radiance[0].mean(axis=-1).max()
+    with caplog.at_level(logging.WARNING):
+        lost = highlight(beside)
+        bright = highlight(replace(white, valid=valid))
+    assert lost.outside[0]
+    assert np.isnan(lost.place_mm[0]).all()
+    assert "photograph 0 shows no highlight" in caplog.text
+    assert bright.saturated.tolist() == [True, False, False]
+    assert "photograph 0 is too bright for every exposure" in caplog.text
+
+
+def test_tangents_are_found_within_their_stated_error(measured: OrientationMap) -> None:
+    assert measured.mask.all()
+    assert measured.absolute
+    error = np.abs(axial_difference(measured.orientation_rad, TANGENTS))
+    assert np.rad2deg(np.median(error)) < 0.3
+    inside = np.ones(SIDE, bool)
+    inside[[0, 3, 4, 7, 8, 11, 12, 15]] = False
+    assert measured.standard_error_rad is not None
+    assert np.mean(error[:, inside] < 3 * measured.standard_error_rad[:, inside]) > 0.9
+
+
+def test_the_threshold_alone_reads_no_finer_than_its_views(white: FlashPhotographs) -> None:
+    found = flash_orientation(white, SPACED, highlight(white), method="threshold")
+    error = np.rad2deg(np.abs(axial_difference(found.orientation_rad, TANGENTS)))
+    assert 0.3 < np.median(error) < 5
+
+
+def test_without_places_they_follow_from_the_highlight_and_distances(
+    white: FlashPhotographs, measured: OrientationMap
+) -> None:
+    blind = replace(white, light_mm=np.full((3, 3), np.nan), camera_mm=np.full(3, np.nan))
+    found = flash_orientation(
+        blind, SPACED, highlight(blind), light_distance_mm=200.0, camera_distance_mm=500.0, light_sigma_mm=5.0
+    )
+    turn = np.abs(axial_difference(found.orientation_rad, measured.orientation_rad))
+    assert np.rad2deg(np.median(turn)) < 0.3
+    with pytest.raises(InputError, match="the camera's place is not known"):
+        flash_orientation(blind, SPACED, highlight(blind), light_distance_mm=200.0)
+    with pytest.raises(InputError, match="the place of flash 0 is not known"):
+        flash_orientation(blind, SPACED, highlight(blind), camera_distance_mm=500.0)
+
+
+def test_what_was_never_lit_stays_unknown_until_the_next_flash_shows_it(caplog: pytest.LogCaptureFixture) -> None:
+    few = laid_tiles((SIDE, SIDE), (4, 3), PIXEL)
+
+    def orientation(lights: list[list[float]]) -> OrientationMap:
+        photos = photographed(
+            TANGENTS, np.full_like(TANGENTS, PERIOD), lights, pixel_mm=PIXEL, tiles=(4, 3), light_sigma_mm=3.0
+        )
+        return flash_orientation(photos, few, highlight(photos))
+
+    with caplog.at_level(logging.WARNING):
+        first = orientation([[0.0, 0.0, 200.0]])
+    assert np.isnan(first.orientation_rad[~first.mask]).all()
+    assert 5 < first.metrics["lit_percent"] < 95
+    assert "percent of the tile were never lit. A flash at (" in caplog.text
+    proposed = [first.metrics[f"next_light_{axis}_mm"] for axis in "xyz"]
+    both = orientation([[0.0, 0.0, 200.0], proposed])
+    beside = orientation([[0.0, 0.0, 200.0], [1.0, 0.0, 200.0]])
+    assert both.metrics["lit_percent"] > beside.metrics["lit_percent"] + 5
+
+
+def test_one_period_is_found_and_one_number_will_do(green: FlashPhotographs, measured: OrientationMap) -> None:
+    found = flash_period(green, SPACED, highlight(green), measured)
+    assert found.metrics["period_constant"] == 1
+    assert np.unique(found.period_um[found.mask]) == pytest.approx([PERIOD], rel=0.005)
+    assert found.metrics["light_sigma_mm"] == pytest.approx(5.0, rel=0.03)
+    assert found.metrics["depth_um"] == pytest.approx(0.12, rel=0.05)
+    assert not found.relative
+
+
+def test_periods_that_vary_are_told_apart(measured: OrientationMap) -> None:
+    truth = np.repeat([1.4, 1.55, 1.7, 1.85], SIDE // 4) * np.ones((SIDE, 1))
+    photos = sheet(truth, band_nm=GREEN)
+    found = flash_period(photos, SPACED, highlight(photos), measured)
+    assert found.metrics["period_constant"] == 0
+    error = np.abs(found.period_um[found.mask] / truth[found.mask] - 1)
+    assert found.mask.mean() > 0.8
+    assert np.median(error) < 0.01
+
+
+def test_the_published_bias_of_a_large_light_goes_with_the_model(measured: OrientationMap) -> None:
+    """Toisoul et al. 2018, section 7.1: 600 lines/mm read at 560 nm as 1.618 to 2.326 um, mean 1.939, std 0.15."""
+    photos = photographed(
+        TANGENTS,
+        np.full_like(TANGENTS, PERIOD),
+        [[0.0, 0.0, 200.0]],
+        pixel_mm=PIXEL,
+        tiles=TILES,
+        band_nm=(560.0, 4.0),
+        light_sigma_mm=30.0,
+    )
+    stated = {"keep_off": 1.6, "shortest_um": 1.2, "longest_um": 2.6}
+    naive = flash_period(photos, SPACED, highlight(photos), measured, method="naive", share=0.95, **stated).metrics
+    assert naive["period_mean_um"] == pytest.approx(1.939, abs=0.1)
+    assert naive["period_std_um"] == pytest.approx(0.15, abs=0.06)
+    assert naive["period_min_um"] == pytest.approx(1.618, abs=0.1)
+    assert naive["period_max_um"] == pytest.approx(2.326, abs=0.15)
+    model = flash_period(photos, SPACED, highlight(photos), measured, **stated).metrics
+    assert model["period_um"] == pytest.approx(PERIOD, rel=0.02)
+    assert model["period_mean_um"] == pytest.approx(PERIOD, rel=0.02)
+    assert model["period_std_um"] < 0.05
+
+
+def test_periods_need_one_wavelength(
+    white: FlashPhotographs, measured: OrientationMap, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(InputError, match="taken without a filter"):
+        flash_period(white, SPACED, highlight(white), measured)
+    with caplog.at_level(logging.WARNING):
+        flash_period(white, SPACED, highlight(white), measured, method="naive", wavelength_nm=550.0)
+    assert "all wavelengths are seen at once" in caplog.text
+
+
+def test_a_map_of_another_tile_and_dark_photographs_are_refused(
+    white: FlashPhotographs, green: FlashPhotographs, measured: OrientationMap
+) -> None:
+    other = laid_tiles((SIDE, SIDE // 2), TILES, PIXEL)
+    with pytest.raises(InputError, match=r"of \(16, 16\) is not of a tile of \(16, 8\)"):
+        flash_period(green, other, highlight(green), measured)
+    dark = replace(white, radiance=np.full_like(white.radiance, 0.1))
+    with pytest.raises(InputError, match="rises above the dark"):
+        flash_orientation(dark, SPACED, highlight(white))
+    with pytest.raises(InputError, match="not rectified"):
+        highlight(replace(white, pixel_mm=None))
