@@ -28,7 +28,7 @@ def highlights(value: Highlights) -> list[Figure]:
     return [
         Figure(
             "highlights",
-            Markup('<div class="sheet large">{}</div>').format(Markup("").join(cells)),
+            Markup('<div class="sheet few">{}</div>').format(Markup("").join(cells)),
             "Brightness of each photograph, exposed for what lies around the highlight. Circle: two standard "
             "deviations of the highlight that was found; cross: where the stated places of flash and camera put it."
             f"{extent}",

@@ -15,8 +15,11 @@ Float64Array = NDArray[np.float64]
 
 _ACROSS = 4.0
 """Standard deviations from the tangent beyond which every view is dark, whatever the period."""
-_MODEL_ERROR = 0.05
+_MODEL_ERROR = 0.1
+"""Of a lobe's height: what its shape may be wrong by."""
 _FAR = 16.0
+_CONVINCING = 0.7
+"""Squared correlation below which views show no order: what the paper scatters, or noise."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,7 @@ def best_periods(
         for column in range(columns):
             for part in range(3):
                 found[part, :, row, column] = np.nan
-                count, square = 0, 0.0
+                count, square, fourth = 0, 0.0, 0.0
                 for i in range(views):
                     b = brightness[i, row, column]
                     if part and halves[i] != part - 1:
@@ -113,6 +116,7 @@ def best_periods(
                         use[count] = i
                         count += 1
                         square += b * b
+                        fourth += b**4
                 if count < 2 or square == 0:
                     continue
                 best = 0
@@ -135,14 +139,15 @@ def best_periods(
                     scores[k] = cross * cross / (norm * square) if norm > 0 else 0.0
                     if scores[k] > scores[best]:
                         best = k
-                if best == 0 or best == steps - 1:
+                if best == 0 or best == steps - 1 or scores[best] < _CONVINCING:
                     continue
                 left, middle, right = scores[best - 1], scores[best], scores[best + 1]
                 bend = 2 * middle - left - right
                 if bend <= 0:
                     continue
                 value = periods[best] * np.exp(0.5 * (right - left) / bend * spacing)
-                noise = max((1 - middle) / max(count - 2, 1), _MODEL_ERROR**2 / count)
+                # Errors go with brightness, so that no more views count than are bright.
+                noise = (1 - middle + _MODEL_ERROR**2) * fourth / (square * square)
                 found[part, 0, row, column] = value
                 found[part, 1, row, column] = value * spacing * np.sqrt(2 * noise / bend)
 
