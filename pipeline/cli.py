@@ -7,11 +7,12 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline import cli_review
+from pipeline.cli_line import Line, check_overrides, is_override, taken_apart
 from pipeline.errors import InputError, InputErrors, PipelineError, nearest
 
 if TYPE_CHECKING:
@@ -59,33 +60,6 @@ Of verify: 0 all identical or within tolerance, 1 something different or failed,
 """
 
 
-@dataclass(frozen=True)
-class Line:
-    """A command line taken apart.
-
-    Attributes
-    ----------
-    words : tuple of str
-        What is left: overrides, names, files.
-    quiet, multirun, json : bool
-        Options.
-    folders : tuple of Path
-        Folders of YAML files besides ours.
-    limit_gb : float or None
-        What a bundle may unpack to.
-    port : int or None
-        Where to serve.
-    """
-
-    words: tuple[str, ...]
-    quiet: bool = False
-    multirun: bool = False
-    folders: tuple[Path, ...] = ()
-    json: bool = False
-    limit_gb: float | None = None
-    port: int | None = None
-
-
 def main(arguments: Sequence[str]) -> int:
     """Carry out a command line and return its exit status."""
     if not arguments or {"-h", "--help", "help"} & set(arguments):
@@ -97,13 +71,13 @@ def main(arguments: Sequence[str]) -> int:
         print(own_version())
         return 0
     try:
-        line = _taken_apart(arguments)
+        line = taken_apart(arguments)
         command = line.words[0] if line.words[0] in COMMANDS else "run"
         rest = replace(line, words=line.words[1:]) if line.words[0] in COMMANDS else line
-        if line.words[0] == "run" and rest.words and not _is_override(rest.words[0]):
+        if line.words[0] == "run" and rest.words and not is_override(rest.words[0]):
             return _rerun(rest)
         if command in TAKES_OVERRIDES:
-            _check_overrides(rest)
+            check_overrides(rest, COMMANDS)
         status = COMMANDS[command](rest)
         sys.stdout.flush()
         return status
@@ -120,70 +94,6 @@ def main(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept, and the same command goes on from there", file=sys.stderr)
         return 130
-
-
-def _taken_apart(arguments: Sequence[str]) -> Line:
-    words: list[str] = []
-    folders: list[Path] = []
-    flags: set[str] = set()
-    limit_gb = port = None
-    waiting = list(arguments)
-    while waiting:
-        word = waiting.pop(0)
-        if word in {"-q", "--quiet", "-m", "--multirun"}:
-            flags.add(word.lstrip("-")[0])
-        elif word == "--config-dir" or word.startswith("--config-dir="):
-            folder = word.partition("=")[2] or (waiting.pop(0) if waiting else "")
-            if not folder:
-                raise InputError("--config-dir names no folder", where="command line", expected="--config-dir DIR")
-            folders.append(Path(folder))
-        elif word == "--json":
-            flags.add("json")
-        elif word == "--limit-gb" or word.startswith("--limit-gb="):
-            limit_gb = _limit(word.partition("=")[2] or (waiting.pop(0) if waiting else ""))
-        elif word == "--port" or word.startswith("--port="):
-            port = _port(word.partition("=")[2] or (waiting.pop(0) if waiting else ""))
-        elif word.startswith("-"):
-            known = ["--quiet", "--help", "--multirun", "--config-dir", "--version", "--json", "--limit-gb", "--port"]
-            raise InputError(f"there is no option '{word}'", where="command line", hint=nearest(word, known))
-        else:
-            words.append(word)
-    if not words:
-        raise InputError("nothing is asked for", where="command line", expected="see python -m pipeline --help")
-    return Line(tuple(words), "q" in flags, "m" in flags, tuple(folders), "json" in flags, limit_gb, port)
-
-
-def _limit(text: str) -> float:
-    try:
-        if (limit := float(text)) > 0:
-            return limit
-    except ValueError:
-        pass
-    raise InputError(f"--limit-gb is {text!r}", where="command line", expected="a number of GB")
-
-
-def _port(text: str) -> int:
-    if text.isdecimal() and int(text) < 65536:
-        return int(text)
-    raise InputError(f"--port is {text!r}", where="command line", expected="0 to 65535")
-
-
-def _is_override(word: str) -> bool:
-    return "=" in word or word.startswith("~")
-
-
-def _check_overrides(line: Line) -> None:
-    from pipeline.graph.config import options
-
-    for word in line.words:
-        if not _is_override(word):
-            experiments = options("experiment", line.folders)
-            raise InputError(
-                f"'{word}' is neither a command nor SETTING=VALUE",
-                where="command line",
-                expected="see python -m pipeline --help",
-                hint=f"did you mean '+experiment={word}'?" if word in experiments else nearest(word, COMMANDS),
-            )
 
 
 def _run(line: Line) -> int:
@@ -229,7 +139,7 @@ def _rerun(line: Line) -> int:
             expected="a folder such as runs/polarization_logo/3f2a91c0, or what `bundle` writes",
             hint=f"did you mean '+experiment={path}'?" if str(path) in known else "",
         )
-    _check_overrides(rest)
+    check_overrides(rest, COMMANDS)
     if line.multirun:
         with reruns_of(path, line.folders, cli_review.limits(line)) as origin:
             return _sweep(rest, origin)

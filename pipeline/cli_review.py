@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
-    from pipeline.cli import Line
+    from pipeline.cli_line import Line
     from pipeline.review.unpack import Limits
 
 

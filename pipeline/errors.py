@@ -49,10 +49,10 @@ class InputError(PipelineError):
 
 
 class InputErrors(PipelineError):
-    """Several input errors of one experiment, reported together."""
+    """Several input errors of one experiment, reported together, each once."""
 
     def __init__(self, errors: Iterable[InputError]) -> None:
-        self.errors = tuple(errors)
+        self.errors = tuple({str(error): error for error in errors}.values())
         super().__init__(self.errors)
 
     def __str__(self) -> str:

@@ -10,6 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pipeline.errors import InputError, InputErrors
 
 
+def different_shapes(**maps: tuple[int, ...]) -> InputError:
+    """That maps, told by their shapes of rows and columns, do not lie on each other."""
+    sizes = ", ".join(f"{name} {shape[1]} x {shape[0]} points" for name, shape in maps.items())
+    return InputError(f"the maps differ in shape: {sizes}", expected="as many columns and rows in each")
+
+
 def above_zero(**settings: float | None) -> list[InputError]:
     """Settings that are not above 0; None stands for one that is left out."""
     return _beyond(lambda value: value > 0, "a number above 0", settings)

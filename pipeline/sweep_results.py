@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,9 +31,9 @@ class Point:
 
     @property
     def settings(self) -> dict[str, str]:
-        """Overrides by name."""
+        """Overrides by name, as they were written: a sweeper escapes spaces, among others."""
         pairs = (word.lstrip("+").partition("=") for word in self.overrides)
-        return {name: value for name, _, value in pairs}
+        return {name: re.sub(r"\\(.)", r"\1", value) for name, _, value in pairs}
 
     @property
     def seconds(self) -> float:

@@ -14,6 +14,7 @@ from pipeline.bench import Experiment
 from pipeline.errors import InputError, InputErrors
 from pipeline.execution.merge import merge
 from pipeline.execution.outcome import Outcome, Silent
+from pipeline.sweep_results import Point
 from pipeline.sweeps import Sweep, run_sweep
 
 
@@ -92,6 +93,11 @@ def test_the_table_has_settings_figures_seconds_and_place(toys: Toys) -> None:
     assert "<svg" in page
     assert "graph.big.factor" in page
     assert "python -m pipeline -m +experiment=toy" in page
+
+
+def test_the_table_has_values_without_the_sweepers_escapes() -> None:
+    point = Point(("+experiment=a", r"graph.rendering.orders=second\ order"), None)  # type: ignore[arg-type]
+    assert point.settings["graph.rendering.orders"] == "second order"
 
 
 def test_the_same_words_have_the_same_folder(toys: Toys) -> None:

@@ -60,6 +60,7 @@ def _runs(places: Places) -> Rows:
 
 LISTS: dict[str, Callable[[Places], Rows]] = {
     "experiments": partial(_options, "experiment"),
+    "maps": partial(_options, "maps"),
     "surfaces": partial(_options, "surface"),
     "rigs": partial(_options, "rig"),
     "executors": partial(_options, "executor"),
@@ -70,7 +71,7 @@ LISTS: dict[str, Callable[[Places], Rows]] = {
 
 
 def manual(name: str, places: Places | None = None) -> str:
-    """The manual of a stage or device, or the YAML of an experiment, a surface, a rig or an executor.
+    """The manual of a stage or device, or the YAML of an experiment, of maps, a surface, a rig or an executor.
 
     Raises
     ------
@@ -81,13 +82,13 @@ def manual(name: str, places: Places | None = None) -> str:
     catalog = Catalog(Sources())
     everything = {**catalog.devices, **catalog.stages}
     files: dict[str, Path] = {}
-    for group in ("executor", "rig", "surface", "experiment"):
+    for group in ("executor", "rig", "maps", "surface", "experiment"):
         files |= options(group, places.folders)
     if name not in everything and name in files:
         return f"# {files[name]}\n{files[name].read_text().rstrip()}"
     if name not in everything:
         raise InputError(
-            f"there is no stage, device, experiment, surface or rig '{name}'",
+            f"there is no stage, device, experiment, maps, surface or rig '{name}'",
             where="command line",
             hint=nearest(name, [*(n for n, e in everything.items() if not e.module.endswith(".protocols")), *files]),
         )

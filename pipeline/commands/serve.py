@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import html
+import io
 import mimetypes
+import shutil
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -14,7 +17,10 @@ from pipeline.errors import InputError
 HOST = "127.0.0.1"
 REPORT = "report.html"
 PORT = 8470
-_POLICY = "default-src 'none'; img-src 'self' data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+_POLICY = (
+    "default-src 'none'; img-src 'self' data: blob:; media-src 'self'; style-src 'unsafe-inline'; "
+    "script-src 'unsafe-inline'"
+)
 _TYPES = {".exr": "image/x-exr", ".vtp": "application/octet-stream", ".yaml": "text/plain; charset=utf-8"}
 
 
@@ -83,10 +89,12 @@ class _Handler(BaseHTTPRequestHandler):
             return
         name = unquote(urlsplit(self.path).path).lstrip("/") or REPORT
         files = self.server.files()
+        body = None
         if name.rstrip("/") == "outputs":
             body, kind = _listing(files).encode(), "text/html; charset=utf-8"
+            size = len(body)
         elif name in files:
-            body = files[name].read_bytes()
+            size = files[name].stat().st_size
             kind = _TYPES.get(files[name].suffix) or mimetypes.guess_type(name)[0] or "application/octet-stream"
         else:
             self.send_error(HTTPStatus.NOT_FOUND, "no such file in this run; /outputs lists those that there are")
@@ -94,7 +102,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_response(HTTPStatus.OK)
         headers = {
             "Content-Type": kind,
-            "Content-Length": str(len(body)),
+            "Content-Length": str(size),
             "Content-Security-Policy": _POLICY,
             "X-Content-Type-Options": "nosniff",
             "Cache-Control": "no-cache",
@@ -102,8 +110,10 @@ class _Handler(BaseHTTPRequestHandler):
         for header, value in headers.items():
             self.send_header(header, value)
         self.end_headers()
-        if with_body:
-            self.wfile.write(body)
+        if not with_body:
+            return
+        with files[name].open("rb") if body is None else io.BytesIO(body) as source, suppress(ConnectionError):
+            shutil.copyfileobj(source, self.wfile)  # a reader may leave in the middle
 
 
 def _listing(files: dict[str, Path]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 import OpenImageIO
@@ -91,7 +92,9 @@ def grey_picture(path: Path) -> MapFile:
     return MapFile(np.ascontiguousarray(image), shares=kind not in {"half", "float", "double"})
 
 
-def in_range(found: MapFile, path: Path, setting: str, ends: Sequence[float] | None) -> Float32Array:
+def in_range(
+    found: MapFile, path: Path, setting: str, ends: Sequence[float] | None, *, or_else: str = ""
+) -> Float32Array:
     """The map in its unit: shares of a full scale between two ends, other numbers as they are where none are given.
 
     Raises
@@ -101,7 +104,7 @@ def in_range(found: MapFile, path: Path, setting: str, ends: Sequence[float] | N
     """
     if ends is None:
         if found.shares:
-            right = f"{setting}: what black and full scale (grey 255 of 8 bits) stand for"
+            right = f"{setting}{or_else}: what black and full scale (grey 255 of 8 bits) stand for"
             raise InputError(f"{path.name} holds shares of a range that is not told", where=setting, expected=right)
         return found.values
     if len(ends) != 2:
@@ -129,19 +132,29 @@ def read_mask(path: Path | None, shape: tuple[int, ...]) -> BoolArray:
 
 def _array(path: Path) -> Float32Array:
     try:
-        array = np.load(path, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
+        # Mapped, so that a header which claims more than the file holds asks for no memory.
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, OSError, EOFError, OverflowError, RecursionError, MemoryError, TokenError) as error:
         raise InputError(f"the array cannot be read: {error}", where=str(path)) from None
+    if not isinstance(array, np.ndarray):
+        raise InputError(f"{path.name} is an archive of arrays", where=str(path), expected="one array")
     if array.dtype.kind not in "iuf":
         raise InputError(f"an array of {array.dtype}", where=str(path), expected="real numbers")
     return np.ascontiguousarray(array, np.float32)
+
+
+def _complaint() -> str:
+    try:
+        return str(OpenImageIO.geterror())
+    except UnicodeDecodeError:  # it quotes the bytes of a damaged header
+        return "its header is damaged"
 
 
 def _exr(path: Path, channel: str) -> MapFile:
     """The channel of that name with all that lies beside it, or a grey picture."""
     source = OpenImageIO.ImageInput.open(str(path))
     if source is None:
-        raise InputError(f"{path.name} cannot be read: {OpenImageIO.geterror()}", where=str(path))
+        raise InputError(f"{path.name} cannot be read: {_complaint()}", where=str(path))
     try:
         spec = source.spec()
         pixels = source.read_image(0, 0, 0, spec.nchannels, OpenImageIO.FLOAT)
@@ -152,7 +165,11 @@ def _exr(path: Path, channel: str) -> MapFile:
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate(spec.channelnames)}
     if channel not in channels and list(channels) != ["Y"]:
         names = ", ".join(channels)
-        raise InputError(f"{path.name} has the channels {names}", where=str(path), expected=f"a channel '{channel}'")
+        raise InputError(
+            f"{path.name} has the channels {names}",
+            where=str(path),
+            expected=f"a channel '{channel}', or a single one that is called 'Y'",
+        )
     values = channels.get(channel, pixels[..., 0])
     numbers = {p.name: shortest(p.value) for p in spec.extra_attribs if str(p.type) == "float"}
     return MapFile(values, False, channels if channel in channels else {}, numbers)

@@ -73,7 +73,7 @@ def blind_camera(camera_mm: Sequence[float], target_mm: Sequence[float], up: Seq
     problems = [
         InputError(f"{list(vector)} is no {what}", where=where, expected="[x, y, z]")
         for where, what, vector in (("target_mm", "place", target_mm), ("up", "direction", up))
-        if len(vector) != 3 or not np.isfinite(vector).all()
+        if len(vector) != 3 or not np.isfinite(vector).all() or (where == "up" and not np.any(vector))
     ]
     if problems:
         return problems
@@ -90,4 +90,5 @@ def unusable_counts(name: str, counts: Sequence[int], expected: str) -> list[Inp
     """Two numbers that are no columns and rows."""
     if len(counts) == 2 and all(1 <= count <= LARGEST_SIDE for count in counts):
         return []
-    return [InputError(f"{list(counts)} does not say how many", where=name, expected=expected)]
+    right = f"{expected}, whole numbers from 1 to {LARGEST_SIDE}"
+    return [InputError(f"{list(counts)} does not say how many", where=name, expected=right)]

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,8 @@ Direction = Literal["along", "across", "radial"]
 _log = logging.getLogger(__name__)
 
 PIXELS_PER_MM = 96 / 25.4
+MOST_ELEMENTS = 200_000
+_LINK = "{http://www.w3.org/1999/xlink}href"
 WORDS: tuple[Direction, ...] = ("along", "across", "radial")
 
 
@@ -85,6 +88,8 @@ def read_vector_file(path: Path, *, width_mm: float | None = None, step_mm: floa
         siblings = (p.name for p in path.parent.iterdir()) if path.parent.is_dir() else ()
         raise InputError(f"there is no file {path.name}", where=str(path), hint=nearest(path.name, siblings))
     try:
+        if (elements := _expanded(ElementTree.parse(path).getroot())) > MOST_ELEMENTS:
+            raise ValueError(f"its uses of other elements make {elements} of them, more than {MOST_ELEMENTS}")
         page = svgelements.SVG.parse(str(path), reify=False)
     except Exception as error:  # what is malformed fails in as many ways as there are attributes
         raise InputError(f"{path.name} cannot be read: {error}", where=str(path), expected="an SVG file") from None
@@ -102,6 +107,26 @@ def read_vector_file(path: Path, *, width_mm: float | None = None, step_mm: floa
     if not shapes:
         raise InputError("there is no shape on the page", where=str(path), expected="paths, circles, rectangles, ...")
     return VectorDesign(width * scale, height * scale, shapes)
+
+
+def _expanded(root: ElementTree.Element) -> int:
+    """How many elements there are once all that is used stands where it is used."""
+    named = {element.get("id"): element for element in root.iter()}
+    counts: dict[ElementTree.Element, int | None] = {}
+
+    def count(element: ElementTree.Element) -> int:
+        if element not in counts:
+            counts[element] = None
+            total = 1 + sum(count(child) for child in element)
+            used = (element.get("href") or element.get(_LINK) or "")[1:]
+            if element.tag.endswith("}use") and used in named:
+                total += count(named[used])
+            counts[element] = total
+        if (known := counts[element]) is None:
+            raise ValueError(f"'{element.get('id', element.tag)}' uses itself")
+        return known
+
+    return count(root)
 
 
 class _Reader:
@@ -123,10 +148,10 @@ class _Reader:
             return
         if element.values.get("clip-path") not in (None, "none") or element.values.get("mask") not in (None, "none"):
             _log.warning("%s: clips and masks do not count", self._name(element))
-        contours = tuple(self._contours(svgelements.Path(element), element.transform))
-        if not contours:
-            return
         try:
+            contours = tuple(self._contours(svgelements.Path(element), element.transform))
+            if not contours:
+                return
             period = self._period(element)
             even_odd = str(element.values.get("fill-rule", "nonzero")).strip() == "evenodd"
             inside = tuple(contour for contour in contours if len(contour) > 2)
@@ -158,7 +183,10 @@ class _Reader:
                 x, y = np.array(points, np.float64).T
                 right = placed.a * x + placed.c * y + placed.e - self.middle[0]
                 down = placed.b * x + placed.d * y + placed.f - self.middle[1]
-                yield np.stack([right, -down], axis=1) * self.scale
+                contour = np.stack([right, -down], axis=1) * self.scale
+                if not np.isfinite(contour).all():
+                    raise InputError("coordinates that are no numbers", expected="places on the page")
+                yield contour
 
     def _painted(self, element: Any, kind: str) -> bool:
         return getattr(element, kind).value is not None and getattr(element, kind).opacity != 0

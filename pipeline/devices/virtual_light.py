@@ -211,9 +211,10 @@ def warn_of_aliasing(period_um: NDArray[np.floating], lighting: Lighting) -> Non
     """Say so where the spectral step is too coarse for the narrowest lobes, which would turn rainbows into stripes."""
     if lighting.band_nm is not None or not np.isfinite(period_um).any():
         return
-    farthest = float(np.linalg.norm(lighting.lights_mm, axis=1).max())
+    distance = np.linalg.norm(lighting.lights_mm, axis=1)
+    foreshortened = float((lighting.lights_mm[:, 2] / distance**2).min())
     window = float(window_spread(_SHORT_WAVE_UM, lighting.coherence_um))
-    spread = float(np.hypot(window, lighting.light_sigma_mm / farthest))
+    spread = float(np.hypot(window, lighting.light_sigma_mm * foreshortened))
     error = aliasing(lighting.wavelength_step_nm, float(np.nanmin(period_um)), spread)
     if error > _TOLERATED_ALIASING:
         log.warning(

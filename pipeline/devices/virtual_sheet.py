@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from operator import or_
 from typing import Literal
 
@@ -68,6 +69,11 @@ class Sheet:
         """Maps of the tile, side by side."""
         return Tiled(planes, self.pixel_mm, self.tiles)
 
+    @cached_property
+    def gratings(self) -> Tiled:
+        """The tile's maps as look-ups take them, side by side."""
+        return self.laid(prepared_gratings(self.orientation_rad, self.period_um))
+
     @property
     def size_mm(self) -> tuple[float, float]:
         """Width and height."""
@@ -129,21 +135,20 @@ def _pixel_part(sheet: Sheet, view: View, lighting: Lighting, samples: int, tole
 def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tolerance: float) -> tuple[int, float]:
     """Points along a side of a pixel, at most so many, and by how much twice as many change what is lit."""
     few, every = _few(view)
-    try:
-        table = _table(sheet, view, lighting, 1.0, tolerance)
-    except ValueError:
-        table = None
-    planes = _prepared(sheet)
+    table = None
+    if few.rows * few.columns * len(lighting.lights_mm) * (2 * most) ** 2 >= _WORTH_A_TABLE:
+        with suppress(ValueError):
+            table = _table(sheet, view, lighting, 1.0, tolerance)
 
     def painted(seen: View, part: float) -> Paint:
         if table is None:
             return _summed(sheet, seen, lighting, part)
-        return _looked_up(sheet, planes, seen, lighting, part, table)
+        return _looked_up(sheet, seen, lighting, part, table)
 
     def mean(samples: int) -> Image:
         rgb = np.zeros((len(lighting.lights_mm), few.rows, few.columns, 3), np.float32)
         part = _pixel_part(sheet, view, lighting, samples, tolerance) / every
-        for across, down in _offsets(samples):
+        for across, down in offsets(samples):
             paint = painted(few.moved(across / every, down / every), part)
             for picture, light in zip(rgb, lighting.lights_mm, strict=True):
                 paint(picture, light)
@@ -160,6 +165,22 @@ def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tol
         if left <= tolerance or samples >= most:
             return samples, left
         samples, picture = 2 * samples, finer
+
+
+def automatic_samples(sheet: Sheet, view: View, samples: int | None) -> int:
+    """Points along a pixel's side: as many as are asked for, or points of the maps that it shows."""
+    if samples is None:
+        wanted = max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01)))
+        samples = min(wanted, MOST_SAMPLES)
+        if wanted > samples:
+            _log.warning(
+                "A pixel shows %d points of the maps along a side, and %d are looked at: fine patterns may be grainy",
+                wanted,
+                samples,
+            )
+        elif samples > 1:
+            _log.info("Each pixel is the mean of %d x %d points of the maps.", samples, samples)
+    return samples
 
 
 def render_sheet(
@@ -195,7 +216,7 @@ def render_sheet(
     add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance)
     steps = count * sampling.samples**2
     done = 0
-    for sample in _offsets(sampling.samples):
+    for sample in offsets(sampling.samples):
         paint = add(view.moved(*sample))
         for index, light in enumerate(lighting.lights_mm):
             paint(rgb[0 if together else index], light)
@@ -243,6 +264,7 @@ def _chosen(
         if evaluator == "tabulated":
             raise InputError(str(problem), where="evaluator", expected="spectral, or a larger tolerance") from None
         _log.info("The spectrum is summed: %s.", problem)
+        warn_of_aliasing(sheet.period_um, lighting)
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     error = _error(sheet, view, lighting, sampling.pixel_part, table)
     told = f"from its sum on a part of the pixels by up to {100 * error:.2g} percent of white"
@@ -254,13 +276,12 @@ def _chosen(
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     else:
         _log.warning("Colours looked up in a table of %s differ %s.", table, told)
-    planes = _prepared(sheet)
-    return lambda seen: _looked_up(sheet, planes, seen, lighting, sampling.pixel_part, table)
+    return lambda seen: _looked_up(sheet, seen, lighting, sampling.pixel_part, table)
 
 
 def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> Paint:
     planes = sheet.laid(np.stack([sheet.orientation_rad, sheet.period_um]).astype(np.float32))
-    (orientation, period), slopes = _shown(planes, view), _slopes(sheet, view)
+    (orientation, period), slopes = shown(planes, view), shown_slopes(sheet, view)
 
     def paint(picture: Image, light_mm: NDArray[np.float64]) -> None:
         add_light(picture, orientation, period, view, light_mm, lighting, slopes=slopes, pixel_part=pixel_part)
@@ -268,10 +289,8 @@ def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> 
     return paint
 
 
-def _looked_up(
-    sheet: Sheet, planes: Tiled, view: View, lighting: Lighting, pixel_part: float, table: ColourTable
-) -> Paint:
-    gratings, slopes = _shown(planes, view), _slopes(sheet, view)
+def _looked_up(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, table: ColourTable) -> Paint:
+    gratings, slopes = shown(sheet.gratings, view), shown_slopes(sheet, view)
 
     def paint(picture: Image, light_mm: NDArray[np.float64]) -> None:
         def shade(first: int, last: int) -> None:
@@ -312,7 +331,7 @@ def _error(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tabl
     fine = replace(lighting, wavelength_step_nm=min(lighting.wavelength_step_nm, 2.0))
     pair = (
         _summed(sheet, few, fine, pixel_part / every),
-        _looked_up(sheet, _prepared(sheet), few, lighting, pixel_part / every, table),
+        _looked_up(sheet, few, lighting, pixel_part / every, table),
     )
     worst = 0.0
     for light in lighting.lights_mm:
@@ -329,12 +348,8 @@ def _few(view: View) -> tuple[View, int]:
     return view.thinned(every), every
 
 
-def _prepared(sheet: Sheet) -> Tiled:
-    return sheet.laid(prepared_gratings(sheet.orientation_rad, sheet.period_um))
-
-
 def _extents(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> Extent:
-    slopes = _slopes(sheet, view)
+    slopes = shown_slopes(sheet, view)
     return reduce(
         or_,
         (
@@ -344,13 +359,15 @@ def _extents(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) ->
     )
 
 
-def _shown(maps: Tiled, view: View) -> Image:
+def shown(maps: Tiled, view: View) -> Image:
+    """What each pixel of a view shows of maps, shape (K, rows, columns); NaN beside the sheet."""
     out = np.empty((len(maps.planes), view.rows, view.columns), np.float32)
     over_rows(lambda first, last: sample_rows(maps, view, out, (first, last)), view.rows)
     return out
 
 
-def _slopes(sheet: Sheet, view: View) -> Image | None:
+def shown_slopes(sheet: Sheet, view: View) -> Image | None:
+    """Slopes of the sheet in each pixel of a view, shape (2, rows, columns); None of a flat one."""
     bumps = sheet.bumps
     if bumps is None:
         return None
@@ -368,7 +385,8 @@ def _pixel_mm(sheet: Sheet, view: View) -> float:
     return float(np.median(np.maximum(*sides))) if seen.any() else 0.0
 
 
-def _offsets(samples: int) -> Iterator[tuple[float, float]]:
+def offsets(samples: int) -> Iterator[tuple[float, float]]:
+    """Places of points within a pixel, to the right and down from its middle, in pixels."""
     places = (np.arange(samples) + 0.5) / samples - 0.5
     for down in places:
         for across in places:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -137,6 +137,7 @@ def check_setting(value: Any, annotation: Annotation, name: str) -> Any:
     if kind == "literal" and any(value == c and type(value) is type(c) for c in annotation.choices):
         return value
     if kind == "list" and isinstance(value, list | tuple):
+        _check_depth(value, annotation, name)
         return [check_setting(item, annotation.items[0], f"{name}[{i}]") for i, item in enumerate(value)]
     if kind == "dict" and isinstance(value, Mapping):
         return {str(k): check_setting(v, annotation.items[0], f"{name}.{k}") for k, v in value.items()}
@@ -146,6 +147,18 @@ def check_setting(value: Any, annotation: Annotation, name: str) -> Any:
     if kind == "list" and isinstance(value, bool | int | float | str):
         hint = f"did you mean [{value}]?"
     raise InputError(f"{name} is {_shown(value)}", expected=str(annotation), hint=hint)
+
+
+def _check_depth(value: Sequence[object], annotation: Annotation, name: str) -> None:
+    """A list that would be right as the only one of a list of lists."""
+    item = annotation.items[0]
+    if item.kind != "list" or not value or any(isinstance(entry, list | tuple) for entry in value):
+        return
+    try:
+        check_setting(value, item, name)
+    except InputError:
+        return
+    raise InputError(f"{name} is {_shown(value)}", expected=str(annotation), hint=f"did you mean [{list(value)}]?")
 
 
 def _check_union(value: Any, annotation: Annotation, name: str) -> Any:

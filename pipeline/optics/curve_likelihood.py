@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.response_curve import FilmedGrating, StokesNoise, relative_stokes, response_curve
 
 Float64Array = NDArray[np.float64]

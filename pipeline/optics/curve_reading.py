@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtri
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.harmonic import HarmonicFit, accumulate, read_only
 from pipeline.optics.response_curve import ResponseCurve, StokesNoise
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.response_curve import relative_stokes
 
 Float64Array = NDArray[np.float64]

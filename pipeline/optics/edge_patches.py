@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.rigid import centre_of, corner_px
 from pipeline.optics.spline import quintic_coefficients, quintic_slope_taps, quintic_taps
 

@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import float32, njit
+from numba import float32
 from numpy.typing import ArrayLike, NDArray
+
+from pipeline.optics.compiled import njit
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pipeline.optics.compiled import njit
 
 _EXACT_BELOW = 30.0
 _MOST_COUNTED = 400

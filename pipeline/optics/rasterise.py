@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.shaded_mesh import Float64Array, Mesh, unit
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.rigid import RigidMotion
 from pipeline.optics.spline import quintic_taps
 from pipeline.optics.translation import sample_translated

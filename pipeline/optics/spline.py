@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
+
+from pipeline.optics.compiled import njit
 
 Float32Array = NDArray[np.float32]
 

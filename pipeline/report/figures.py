@@ -16,6 +16,7 @@ from pipeline.data.flash_maps import GratingDistribution, Highlights
 from pipeline.data.gratings import GratingSample, OrientationError, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.inspection import Defects, Inspection
+from pipeline.data.light_probes import LightProbe
 from pipeline.data.metrics import Metrics
 from pipeline.data.photographs import PolarizerSequence
 from pipeline.data.pictures import Pictures, PictureSeries
@@ -29,6 +30,7 @@ from pipeline.report.encoded import webp_uri
 from pipeline.report.heights import heights, periods
 from pipeline.report.inspections import drawn, inspection
 from pipeline.report.labelled_pictures import labelled_pictures
+from pipeline.report.light_probes import light_probe
 from pipeline.report.maps import Scale, map_with_bar, marked, orientation_map, size_of, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import PICTURE_PIXELS, Figure, photos, pictures
@@ -235,6 +237,7 @@ DRAWN: dict[type, Callable[[Any, float | None], list[Figure]]] = {
     PictureSeries: lambda value, _: pictures(value),
     BrdfMap: lambda value, _: brdf_maps(value),
     Pictures: lambda value, _: labelled_pictures(value),
+    LightProbe: lambda value, _: light_probe(value),
     PolarizerResponse: lambda value, _: responses(value),
     LineDeviation: lambda value, _: deviations(value),
     Defects: drawn,

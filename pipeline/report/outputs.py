@@ -21,6 +21,7 @@ from pipeline.data.flash_maps import GratingDistribution
 from pipeline.data.gratings import PARAMETER, GratingSample, OrientationError, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField, Periodicity
 from pipeline.data.inspection import Defects, Inspection
+from pipeline.data.light_probes import LightProbe
 from pipeline.data.photographs import PolarizerSequence
 from pipeline.data.pictures import Pictures, PictureSeries
 from pipeline.data.polarization import LineDeviation, PolarizerResponse
@@ -37,6 +38,7 @@ from pipeline.report.flash import shown_pattern, tile_columns
 from pipeline.report.flash_maps import shown_distribution
 from pipeline.report.inspections import csv_of
 from pipeline.report.labelled_pictures import exposed_pictures
+from pipeline.report.light_probes import exposed_probe
 from pipeline.report.maps import Scale, spread
 from pipeline.report.naming import labelled
 from pipeline.report.pictures import Figure
@@ -316,6 +318,11 @@ def _labelled(stem: Path, value: Pictures) -> Written:
         yield _png(place, picture)
 
 
+def _probe(stem: Path, value: LightProbe) -> Written:
+    yield _exr(stem, {name: value.rgb[..., i] for i, name in enumerate("RGB")})
+    yield _png(stem, exposed_probe(value)[0])
+
+
 def _heights(stem: Path, value: HeightField) -> Written:
     yield _exr(stem, {"height_um": value.height_um}, pitch_um=value.pitch_um, periodic=value.periodic)
     yield _png(stem, _coloured(value.height_um, spread(value.height_um, "height (µm)")))
@@ -404,6 +411,7 @@ WRITERS: dict[str, Callable[[Path, Any], Written]] = {
     GratingDistribution.__name__: _distribution,
     BrdfMap.__name__: _brdf,
     Pictures.__name__: _labelled,
+    LightProbe.__name__: _probe,
     OrientationMap.__name__: _orientation,
     PeriodMap.__name__: _period,
     PrintLayout.__name__: _print_layout,

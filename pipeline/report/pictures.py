@@ -87,7 +87,7 @@ def pictures(value: PictureSeries) -> list[Figure]:
         for head, picture in zip(_heads(value), shown, strict=True)
     ]
     grid = Markup('<div class="sheet large">{}</div>').format(Markup("").join(cells))
-    return [Figure("pictures", grid, f"{_sentence(value.caption)}{_lights(value)} {exposure}", wide=True)]
+    return [Figure("pictures", grid, f"{_sentence(value.caption)}{_lights(value, _size(value))} {exposure}", wide=True)]
 
 
 def _film(value: PictureSeries, frames_per_second: float) -> Figure:
@@ -108,6 +108,8 @@ def beside(series: Mapping[str, PictureSeries]) -> Figure:
     """Pictures of several nodes under the same lights: a row a node, a column a light."""
     shown = {name: _exposed(one) for name, one in series.items()}
     first = next(iter(series.values()))
+    sizes = {name: _size(one) for name, one in series.items()}
+    told = _size(first) if len(set(sizes.values())) == 1 else ", ".join(f"{n}: {size}" for n, size in sizes.items())
     parts = []
     heads = _heads(first)
     for start in range(0, len(heads), ABREAST):
@@ -122,7 +124,7 @@ def beside(series: Mapping[str, PictureSeries]) -> Figure:
     return Figure(
         "pictures",
         Markup("").join(parts),
-        f"{' and '.join(series)} beside each other: each row a node, each column a light.{_lights(first)}",
+        f"{' and '.join(series)} beside each other: each row a node, each column a light.{_lights(first, told)}",
         wide=True,
     )
 
@@ -152,15 +154,19 @@ def _light(light_mm: NDArray[np.floating]) -> Markup:
     )
 
 
-def _lights(value: PictureSeries) -> str:
+def _size(value: PictureSeries) -> str:
+    rows, columns = value.rgb.shape[1:3]
+    wide = f" ({columns * value.pixel_mm:.3g} × {rows * value.pixel_mm:.3g} mm)" if value.pixel_mm else ""
+    return f"{columns} × {rows} pixels{wide}"
+
+
+def _lights(value: PictureSeries, size: str) -> str:
     distances = np.linalg.norm(value.light_mm, axis=1)
     near, far = float(distances.min(initial=np.inf)), float(distances.max(initial=0))
     away = f"{far:.0f} mm" if far - near < 1 else f"{near:.0f} to {far:.0f} mm"
-    rows, columns = value.rgb.shape[1:3]
-    wide = f" ({columns * value.pixel_mm:.3g} × {rows * value.pixel_mm:.3g} mm)" if value.pixel_mm else ""
     return (
         f" The light is named by azimuth (anticlockwise from +x) and elevation above the sheet, {away} from its "
-        f"middle; {columns} × {rows} pixels{wide}, sRGB."
+        f"middle; {size}, sRGB."
     )
 
 

@@ -54,7 +54,8 @@ Lobe lobe_at(Place p, float theta, float part) {
   vec3 h = to_light + to_eye;
   vec2 tangent = vec2(cos(theta), sin(theta)), across = vec2(-tangent.y, tangent.x);
   float size = light_sigma / light_mm;
-  vec2 more = vec2(size * size);
+  vec2 along = vec2(dot(to_light.xy, tangent), dot(to_light.xy, across));
+  vec2 more = size * size * (1.0 - along * along);
   for (int side = 0; side < 2 && part > 0.0; side++) {
     vec2 mm = part * (to_sheet[side].xy - p.mm * to_sheet[side].z) / p.scale;
     vec3 d = change(mm, to_light, light_mm, to_eye, eye_mm);

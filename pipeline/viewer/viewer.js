@@ -8,6 +8,8 @@ const LARGEST_DOT = 160;       // pixels of a dot at the closest zoom
 const LINES_FROM = 22;         // pixels of a dot from which its orientation is drawn
 const MOST_SAMPLES = 4;
 const SLOW_MS = 50;            // where frames take longer, fewer pixels are drawn while something moves
+const LEAST_PART = 0.125;      // of the pixels along a side
+const LONGEST_MS = 3000;       // that a frame may take to be drawn finer once nothing moves
 const MARGIN = 1.05;
 
 const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
@@ -144,8 +146,9 @@ class Viewer {
     Object.assign(this, {root, sheet, bytes});
     this.canvas = root.querySelector("canvas");
     this.painter = new Painter(this.canvas, sheet, bytes);
-    this.frame = {asked: 0, last: 0, ms: 0, coarse: false};
+    this.frame = {asked: 0, last: 0, ms: 0, part: 1, finer: 0, drawing: null, stale: false};
     this.pointers = new Map();
+    this.sliding = false;
     for (const input of root.querySelectorAll("input[value=table]")) input.disabled = !this.painter.methods.includes("table");
     this.listen();
     this.reset();
@@ -154,7 +157,7 @@ class Viewer {
 
   reset() {
     const {start} = this.sheet;
-    Object.assign(this, {light: [...start.light], yaw: 0, pitch: 0, zoom: 1, centre: [0, 0]});
+    Object.assign(this, {light: [...start.light], yaw: 0, pitch: 0, zoom: 1, centre: [0, 0], sliding: false});
     for (const input of this.root.querySelectorAll("input[type=range]")) input.value = input.defaultValue;
     this.root.querySelector(`input[value=${this.painter.methods[0]}]`).checked = true;
     this.change();
@@ -195,26 +198,60 @@ class Viewer {
 
   method() { return this.root.querySelector("input[name=method]:checked").value; }
 
+  // One frame at a time: a slow card is not sent a queue of them.
   change() {
+    const {frame} = this;
+    frame.finer = 0;
+    if (frame.drawing) frame.stale = true;
+    else this.ask();
+  }
+
+  ask() {
     if (!this.frame.asked) this.frame.asked = requestAnimationFrame(now => this.tick(now));
   }
 
   tick(now) {
-    const {frame} = this, since = now - frame.last;
-    Object.assign(frame, {asked: 0, last: now});
-    if (since < 500) {
-      frame.ms = frame.ms ? 0.8 * frame.ms + 0.2 * since : since;
-      if (frame.ms > SLOW_MS) frame.coarse = true;
-    }
-    this.paint(frame.coarse && this.pointers.size > 0);
+    const {frame, painter: {gl}} = this, moving = this.sliding || this.pointers.size > 0;
+    const part = frame.finer || frame.part;
+    Object.assign(frame, {asked: 0, last: now, stale: false});
+    this.paint(part);
+    frame.drawing = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
     this.tell();
+    this.finish(moving, part);
   }
 
-  paint(coarse = false) {
-    const {canvas} = this, ratio = Math.min(devicePixelRatio || 1, 2) * (coarse ? 0.5 : 1);
+  // Wait until the card has drawn, and choose how many pixels it draws next: more and more once nothing moves.
+  finish(moving, part) {
+    const {frame, painter: {gl}} = this;
+    if (!frame.drawing) return;
+    if (!gl.isContextLost() && gl.getSyncParameter(frame.drawing, gl.SYNC_STATUS) !== gl.SIGNALED) {
+      setTimeout(() => this.finish(moving, part), 2);
+      return;
+    }
+    const ms = performance.now() - frame.last;
+    gl.deleteSync(frame.drawing);
+    frame.drawing = null;
+    if (moving) frame.ms = frame.ms ? 0.8 * frame.ms + 0.2 * ms : ms;
+    if (ms > SLOW_MS) frame.part = limited(part / 2, LEAST_PART, frame.part);
+    else if (moving && ms < SLOW_MS / 8) frame.part = Math.min(2 * part, 1);
+    const finer = Math.min(2 * part, 1);
+    const expected = ms * (finer * this.mostSamples(finer) / (part * this.mostSamples(part))) ** 2;
+    if (frame.stale) this.change();
+    else if (!moving && part < 1 && expected < LONGEST_MS) {
+      frame.finer = finer;
+      this.ask();
+    }
+  }
+
+  mostSamples(part) { return part < 1 ? 2 : MOST_SAMPLES; }
+
+  // All pixels, or a part of them along each side.
+  paint(part = 1) {
+    const {canvas} = this, ratio = Math.min(devicePixelRatio || 1, 2) * part;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map(side => Math.max(1, Math.round(side * ratio)));
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, {width, height});
-    const samples = limited(Math.ceil(1 / this.texelPixels() - 0.01), 1, coarse ? 2 : MOST_SAMPLES);
+    const samples = limited(Math.ceil(1 / this.texelPixels() - 0.01), 1, this.mostSamples(part));
     this.painter.draw(this.method(), [width, height], {
       ...this.view(), samples, pixel_part: 1 / samples, encoded: true, lines_from: LINES_FROM * ratio,
       exposure: this.setting("exposure") * this.sheet.start.exposure, light_sigma: this.setting("light_sigma"),
@@ -228,7 +265,7 @@ class Viewer {
     const lamp = this.root.querySelector(".lamp");
     lamp.setAttribute("cx", 22 + 19 * x / away);
     lamp.setAttribute("cy", 22 - 19 * y / away);
-    const {ms} = this.frame, rate = ms ? `${(1000 / ms).toFixed(ms > 100 ? 1 : 0)} frames/s` : "";
+    const {ms} = this.frame, rate = ms ? `${Math.min(1000 / ms, 60).toFixed(ms > 100 ? 1 : 0)} frames/s` : "";
     const words = {
       place: `light ${azimuth}°, ${elevation}° up`.replaceAll("-", "−"), rate,
       light_sigma: `${this.setting("light_sigma").toFixed(1)} mm`, depth: `${this.setting("depth").toFixed(2)} µm`,
@@ -341,10 +378,16 @@ class Viewer {
         this.magnify(Math.exp(-limited(event.deltaY * (event.deltaMode ? 30 : 1), -200, 200) / 300), ...this.at(event));
       },
       webglcontextlost: event => event.preventDefault(),
-      webglcontextrestored: () => { this.painter = new Painter(canvas, this.sheet, this.bytes); this.change(); },
+      webglcontextrestored: () => {
+        this.painter = new Painter(canvas, this.sheet, this.bytes);
+        this.frame.drawing = null;
+        this.change();
+      },
     };
     for (const [name, listener] of Object.entries(listeners)) canvas.addEventListener(name, listener, {passive: false});
-    root.querySelector(".controls").addEventListener("input", () => this.change());
+    const controls = root.querySelector(".controls");
+    controls.addEventListener("input", event => { this.sliding = event.target.type === "range"; this.change(); });
+    controls.addEventListener("change", () => { this.sliding = false; this.change(); });
     root.querySelector("button[name=save]").addEventListener("click", () => this.save());
     root.querySelector("button[name=reset]").addEventListener("click", () => this.reset());
   }

@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -84,6 +85,23 @@ def test_nothing_outside_the_folder_is_served(server: ReportServer, path: str) -
 def test_other_names_of_this_machine_are_refused(server: ReportServer) -> None:
     assert fetched(server, "/", host="evil.example")[0] == 403
     assert fetched(server, "/", host=f"localhost:{server.server_port}")[0] == 200
+
+
+def test_a_reader_who_leaves_in_the_middle_of_a_large_file_is_let_go(
+    server: ReportServer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = threading.active_count()
+    large = server.folder / "outputs" / "large.exr"
+    with large.open("wb") as file:
+        file.truncate(1 << 26)
+    with socket.create_connection((HOST, server.server_port), timeout=10) as reader:
+        reader.sendall(f"GET /outputs/large.exr HTTP/1.0\r\nHost: {HOST}:{server.server_port}\r\n\r\n".encode())
+        assert reader.recv(100).startswith(b"HTTP/1.0 200")
+    assert fetched(server, "/")[0] == 200
+    deadline = time.monotonic() + 10
+    while threading.active_count() > before and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert "Traceback" not in capsys.readouterr().err
 
 
 def test_nothing_can_be_written(server: ReportServer) -> None:

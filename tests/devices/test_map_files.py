@@ -141,12 +141,44 @@ def test_what_cannot_be_a_map_is_refused(tmp_path: Path) -> None:
     refused("colour.png", r"a picture in colour", range_deg=(0.0, 180.0))
     refused("grey.png", r"grey.png holds shares of a range that is not told\s+where: +range_deg")
     refused("grey.png", r"range_deg is \[0.0\]\s[\s\S]*two numbers", range_deg=(0.0,))
-    refused("period.exr", r"has the channels mask, period_um\s[\s\S]*expected: a channel 'orientation_rad'")
+    refused(
+        "period.exr",
+        r"has the channels mask, period_um\s[\s\S]*a channel 'orientation_rad', or a single one that is called 'Y'",
+    )
     write_exr(tmp_path / "height.exr", {"height_um": DEGREES}, {})
     refused("height.exr", r"has the channels height_um\s[\s\S]*expected: a channel 'orientation_rad'")
     refused("", r"there is no run in .*: it has no manifest.json")
+    with pytest.raises(InputError, match=r"where: +range_um\s+expected: range_um or range_lines_per_mm: what black"):
+        period_map(file=tmp_path / "grey.png")
     with pytest.raises(InputError, match=r"the range is told twice\s+where: +range_um, range_lines_per_mm"):
         period_map(file=tmp_path / "grey.png", range_um=(0.0, 1.0), range_lines_per_mm=(0.0, 1.0))
+
+
+def test_arrays_that_are_none_or_claim_more_than_they_hold_are_refused(tmp_path: Path) -> None:
+    def array(header: bytes) -> Path:
+        path = tmp_path / "array.npy"
+        path.write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(100))
+        return path
+
+    np.save(tmp_path / "pickled.npy", np.array([{}], object), allow_pickle=True)
+    np.savez(tmp_path / "several.npz", a=np.ones((2, 2)))
+    (tmp_path / "several.npz").rename(tmp_path / "several.npy")
+    vast = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 1000000)}\n"
+    for path, message in (
+        (tmp_path / "pickled.npy", "cannot be read: .*(pickle|Python objects)"),
+        (tmp_path / "several.npy", "an archive of arrays"),
+        (array(vast), "the array cannot be read"),
+        (array(b"(" * 500), "the array cannot be read"),
+    ):
+        with pytest.raises(InputError, match=message):
+            orientation_map(file=path)
+
+
+def test_an_exr_file_whose_header_is_no_text_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "damaged", measured())
+    path.write_bytes(path.read_bytes().replace(b"chlist", b"chl\xe0st", 1))
+    with pytest.raises(InputError, match=r"damaged.exr cannot be read"):
+        orientation_map(file=path)
 
 
 @pytest.fixture(scope="module")

@@ -96,6 +96,19 @@ def test_one_number_where_a_list_is_meant() -> None:
         check_setting(3, Annotation("list", (Annotation("float"),)), "most")
 
 
+def test_one_list_where_a_list_of_lists_is_meant() -> None:
+    places = Annotation("list", (Annotation("list", (Annotation("float"),)),))
+    with pytest.raises(InputError, match=r"lights_mm is \[100, 0, 300\][\s\S]*did you mean \[\[100, 0, 300\]\]\?"):
+        check_setting([100, 0, 300], places, "lights_mm")
+    with pytest.raises(InputError, match=r"lights_mm\[0\] is 'lamp'"):
+        check_setting(["lamp", 0, 300], places, "lights_mm")
+
+
+def test_the_same_error_is_said_once() -> None:
+    one, same, other = InputError("a"), InputError("a"), InputError("b")
+    assert str(InputErrors([one, same, other])) == "a\nerror: b"
+
+
 def test_a_missing_setting(toys: Toys) -> None:
     toys.stages.write_text(toys.stages.read_text().replace("factor: float = 2.0", "factor: float"))
     toys.experiment.write_text(toys.experiment.read_text().replace("    factor: 3\n", ""))

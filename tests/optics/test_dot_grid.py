@@ -54,3 +54,7 @@ def test_the_nearest_of_those_allowed_is_found(value: float, allowed: list[int])
 def test_what_is_not_known_has_no_nearest() -> None:
     np.testing.assert_array_equal(nearest_of([np.nan, 640], [600, 700]), [np.nan, 600])
     np.testing.assert_array_equal(nearest_multiples([np.nan, 643, 2], 10), [np.nan, 640, 10])
+
+
+def test_points_on_the_line_between_two_cells_belong_to_the_next() -> None:
+    np.testing.assert_array_equal(cells_under(29, 0.06, 58, 0.03), np.arange(1, 58, 2))

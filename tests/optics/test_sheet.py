@@ -32,7 +32,19 @@ def test_the_extent_of_a_picture_is_that_of_its_pixels() -> None:
     assert found.across == pytest.approx(np.linalg.norm(half[..., :2], axis=-1).max())
     assert found.w == pytest.approx((half[..., 2].min(), half[..., 2].max()))
     away = np.linalg.norm(light - points, axis=-1)
-    assert found.light_variance == pytest.approx((9 / away.max() ** 2, 9 / away.min() ** 2))
+    assert found.light_variance == pytest.approx((9 * (300 / away**2).min() ** 2, 9 / away.min() ** 2))
     along_x, along_y = np.gradient(half, axis=1), np.gradient(half, axis=0)
     change = ((along_x**2).sum(axis=-1) + (along_y**2).sum(axis=-1)).max() / 12
     assert found.pixel_variance == pytest.approx(change, rel=0.02)
+
+
+def test_a_slope_turns_the_normal_of_the_extent() -> None:
+    light, camera, (p, q) = np.array([100.0, 20.0, 300.0]), np.array([0.0, -200.0, 500.0]), (0.3, -0.2)
+    view = rectified(1, 1, 1e-3, camera)
+    found = extent(view, light, 3.0, np.full((2, 1, 1), [[[p]], [[q]]], np.float32))
+    normal = np.array([-p, -q, 1.0]) / np.linalg.norm([p, q, 1.0])
+    to_light, to_eye = light / np.linalg.norm(light), camera / np.linalg.norm(camera)
+    half = to_light + to_eye
+    assert found.w == pytest.approx((half @ normal,) * 2)
+    assert found.across == pytest.approx(np.linalg.norm(half - (half @ normal) * normal))
+    assert found.light_variance[0] == pytest.approx(9 * (to_light @ normal) ** 2 / (light @ light))

@@ -112,6 +112,15 @@ def test_slopes_are_those_of_the_heights() -> None:
 
 
 @pytest.mark.parametrize("periodic", [True, False])
+def test_slopes_are_interpolated_along_rows_and_columns(periodic: bool) -> None:
+    slopes = np.random.default_rng(2).uniform(size=(2, 6, 6)).astype(np.float32)
+    out = np.full((2, 7, 7), np.nan, np.float32)
+    slope_rows(Bumps(slopes, 1.0, periodic), rectified(7, 7, 1.0, np.array([0.0, 0.0, 9.0])), out, (0, 7))
+    rows = (slopes[:, :-1] + slopes[:, 1:]) / 2
+    np.testing.assert_allclose(out[:, 1:-1, 1:-1], (rows[:, :, :-1] + rows[:, :, 1:]) / 2, rtol=1e-5)
+
+
+@pytest.mark.parametrize("periodic", [True, False])
 def test_slopes_are_interpolated_and_go_on_or_end(periodic: bool) -> None:
     slopes = np.random.default_rng(1).uniform(size=(2, 6, 6)).astype(np.float32)
     out = np.full((2, 12, 13), np.nan, np.float32)

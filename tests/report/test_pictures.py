@@ -75,6 +75,15 @@ def test_many_lights_are_broken_into_rows_that_fit_the_page() -> None:
     assert text.count("<img") == 16
 
 
+def test_sizes_that_differ_are_told_by_name() -> None:
+    series = values_of_every_type()["torch"]
+    rows, columns = series.rgb.shape[1:3]
+    small = type(series)(series.rgb[:, ::2], series.light_mm, series.camera_mm)
+    assert f"middle; a: {columns} × {rows} pixels (" in beside({"a": series, "b": small}).caption
+    assert f", b: {columns} × {(rows + 1) // 2} pixels, sRGB." in beside({"a": series, "b": small}).caption
+    assert f"middle; {columns} × {rows} pixels (" in beside({"a": series, "b": series}).caption
+
+
 def test_a_dark_series_is_brightened_and_says_so() -> None:
     series = values_of_every_type()["torch"]
     dark = type(series)(series.rgb / 100, series.light_mm, series.camera_mm, series.pixel_mm, series.caption)

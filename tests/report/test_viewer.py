@@ -13,7 +13,7 @@ from made_up_run import FakeNode, FakeRun, polygons, run_with, values_of_every_t
 from pipeline.data.gratings import GratingSample, OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField
 from pipeline.report.page import page
-from pipeline.report.viewer import MOST_TEXELS, viewer
+from pipeline.report.viewer import MOST_TEXELS, _shining_light, viewer
 
 LIGHT = {
     "lights_mm": [[200.0, 40.0, 300.0], [0.0, 90.0, 300.0]],
@@ -136,3 +136,10 @@ def test_a_camera_beside_the_sheet_is_moved_above_it(tmp_path: Path) -> None:
     low = replace(run.nodes["torch"], settings=LIGHT | {"camera_mm": [8.0, 0.0, 1.0]})
     sheet, _ = shown(run.with_node(low))
     assert sheet["start"]["eye"] == pytest.approx([0.0, 0.0, np.sqrt(65)])
+
+
+def test_a_sheet_that_nothing_tells_the_light_of_is_lit_along_its_tangents() -> None:
+    light = _shining_light(np.full((4, 4), 0.8, np.float32), np.full((4, 4), 1.1, np.float32))
+    sine = 0.55 / 1.1
+    expected = [sine * np.cos(0.8), sine * np.sin(0.8), np.sqrt(1 - sine**2)]
+    np.testing.assert_allclose(light / np.linalg.norm(light), expected, rtol=1e-6)

@@ -91,7 +91,7 @@ def slide(tab: Any, name: str, value: float) -> None:
 
 def expected(tab: Any, run: Any, light_sigma_mm: float) -> np.ndarray:
     """The same by the renderer of render.point_light, encoded, in levels."""
-    seen, exposure = viewer(tab, "[viewer.view(), viewer.sheet.start.exposure]")
+    seen, exposure = viewer(tab, "(viewer.paint(), [viewer.view(), viewer.sheet.start.exposure])")
     view = View(np.array(seen["to_sheet"]), np.array(seen["eye"]), seen["rows"], seen["columns"])
     lighting = Lighting(
         lights_mm=np.array([seen["light"]]),
@@ -186,6 +186,26 @@ def test_nothing_is_drawn_while_nothing_changes(shown: Any) -> None:
     last = viewer(shown, "viewer.frame.last")
     shown.wait_for_timeout(150)
     assert viewer(shown, "viewer.frame.last") == last
+
+
+def test_a_slow_card_gets_one_frame_at_a_time_and_fewer_pixels_while_a_slider_moves(shown: Any) -> None:
+    idle = "() => (v => !v.frame.asked && !v.frame.drawing)(document.querySelector('figure.viewer').viewer)"
+    shown.wait_for_function(idle)
+    width = viewer(shown, "viewer.canvas.width")
+    viewer(shown, "viewer.painter.gl.getSyncParameter = () => window.done ? 0x9119 : 0x9118")
+    slide(shown, "depth", 0.2)
+    shown.wait_for_function("() => document.querySelector('figure.viewer').viewer.frame.drawing")
+    last = viewer(shown, "viewer.frame.last")
+    slide(shown, "depth", 0.3)
+    shown.wait_for_timeout(150)
+    assert viewer(shown, "viewer.frame.last") == last
+    shown.evaluate("window.done = true")
+    shown.wait_for_function(
+        f"last => document.querySelector('figure.viewer').viewer.frame.last > last && ({idle})()", arg=last
+    )
+    assert viewer(shown, "viewer.canvas.width") <= width / 2 + 1
+    shown.locator("input[name=depth]").dispatch_event("change")
+    shown.wait_for_function("w => document.querySelector('figure.viewer').viewer.canvas.width === w", arg=width)
 
 
 def test_a_picture_can_be_kept(shown: Any) -> None:

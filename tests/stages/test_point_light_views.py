@@ -145,8 +145,10 @@ def test_gratings_too_deep_for_a_table_are_summed(
     caplog.set_level(logging.INFO)
     monkeypatch.setattr(virtual_sheet, "_WORTH_A_TABLE", 1)
     settings = {"lights_mm": LIGHTS, "depth_um": 400.0, "camera_mm": [200.0, 0.0, 200.0], "wavelength_step_nm": 50.0}
+    settings["light_sigma_mm"] = 1.0
     assert np.isfinite(point_light(*maps(), **settings).rgb).all()
     assert "The spectrum is summed: a table of colours would have" in caplog.text
+    assert "wavelength_step_nm 50 is too coarse" in caplog.text
     with pytest.raises(InputError, match=r"more than \d+"):
         point_light(*maps(), evaluator="tabulated", **settings)
 
@@ -172,14 +174,14 @@ def test_no_field_of_view_shows_what_lies_behind_the_camera() -> None:
         ("tiles", [0, 8], "whole numbers from 1"),
         ("size_px", [100], "columns, rows"),
         ("size_px", [100, 100_000], "in pixels"),
-        ("samples", 0, "1 to 8"),
+        ("samples", 0, "1 to 32"),
         ("tolerance", 0.0, "0.0001 to 0.5"),
         ("refractive_index", 1.0, "denser than air"),
         ("field_of_view_deg", 180.0, "at most 170"),
         ("target_mm", [1.0, 2.0], "is no place"),
         ("target_mm", [0.0, 0.0, 500.0], "where the camera is"),
         ("up", [0.0, 0.0, 1.0], "points along the view"),
-        ("up", [0.0, 0.0, 0.0], "points along the view"),
+        ("up", [0.0, 0.0, 0.0], "is no direction"),
     ],
 )
 def test_impossible_settings_are_refused(setting: str, value, message: str) -> None:

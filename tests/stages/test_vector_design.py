@@ -83,9 +83,9 @@ def test_arcs_are_sheared_as_straight_lines_are(draw) -> None:
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.tuples(st.integers(-90, 90), st.integers(-90, 90)), min_size=3, max_size=12))
 def test_any_polygon_is_filled_as_another_library_fills_it(points) -> None:
-    """Corners lie between pixel centres, where both take the same side."""
+    """No edge goes through the middle of a pixel, where libraries take either side."""
     drawing = Drawing(20, 1.0)
-    corners = np.array(points) / 10 + 0.013
+    corners = np.array(points) / 10 + [0.0131415926, 0.0172718281]
     window = drawing.window(-10, -10, 10, 10)
     x, y = np.meshgrid(drawing.x_mm, drawing.y_mm)
     centres = np.stack([x.ravel(), y.ravel()], axis=1)
@@ -208,6 +208,23 @@ def test_what_is_no_design_is_refused(draw, tmp_path: Path) -> None:
         vector_design(file=tmp_path / "broken.svg")
     with pytest.raises(InputError, match=r"there is no file brken.svg[\s\S]*did you mean 'broken.svg'"):
         vector_design(file=tmp_path / "brken.svg")
+
+
+@pytest.mark.parametrize(
+    ("shapes", "message"),
+    [
+        ('<g id="a"><use href="#b"/></g><g id="b"><use href="#a"/></g>', "'[ab]' uses itself"),
+        (
+            '<g id="g0"><rect width="5" height="5" fill="red"/></g>'
+            + "".join(f'<g id="g{i}">{f"""<use href="#g{i - 1}"/>""" * 10}</g>' for i in range(1, 9)),
+            r"make \d+ of them, more than 200000",
+        ),
+        ('<rect x="1e999" width="5" height="5" fill="red"/>', "coordinates that are no numbers"),
+    ],
+)
+def test_designs_that_would_never_end_or_lie_nowhere_are_refused(draw, shapes: str, message: str) -> None:
+    with np.errstate(invalid="ignore"), pytest.raises((InputError, InputErrors), match=message):
+        draw(shapes)
 
 
 def test_the_documented_design_is_drawn(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ SCENES = {
     "wide, where negative orders overlap": {"light_sigma_mm": 60.0, "illuminant": "inverse A"},
     "in the mirror": {"light_mm": np.array([0.0, 0.0, 400.0]), "depth_um": 0.05},
     "film": {"normal_reflectance": 0.04, "light_mm": np.array([250.0, 100.0, 90.0])},
-    "tiles": {"tiles": (3, 2), "pixel_mm": 0.15, "coherence_um": 30.0},
+    "tiles": {"tiles": (3, 2), "pixel_mm": 0.15, "coherence_um": 35.0},
     "long periods, many orders": {"period_um": np.full((60, 60), 6.0, np.float32)},
 }
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.polynomial import chebyshev as polynomials
 from scipy.special import jv
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.diffraction.patch import (
     Components,
     Float32Array,

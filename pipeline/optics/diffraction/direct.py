@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.diffraction.patch import Components, Float32Array, Float64Array, Patch, RowKernel, spread_out
 
 _REACH = 5.0

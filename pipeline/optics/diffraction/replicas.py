@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.diffraction.patch import (
     Components,
     Float32Array,

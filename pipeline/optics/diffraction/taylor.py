@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.diffraction.patch import (
     Components,
     Float32Array,

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.optics.compiled import njit
 from pipeline.optics.gratings import order_efficiency
 
 Float64Array = NDArray[np.float64]

@@ -8,6 +8,7 @@ pixel is the lobe across, and a look-up.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ _COLOUR_UM, _WIDTH_UM = 0.015, 0.025
 """Over how much of wavelength and of width colours bend: ``sqrt(colour / second derivative)``."""
 _NEGLIGIBLE = 1e-3
 _MOST_NODES = 1 << 22
-_FINEST_NM, _COARSEST_NM = 0.1, 2.0
+_STEPS_NM = (2.0, 1.0, 0.5, 0.2, 0.1)
 
 
 @dataclass(frozen=True)
@@ -132,25 +133,29 @@ def colour_table(
     nodes = highest * w.count * root_width.count * wavelength.count
     if nodes > _MOST_NODES:
         raise ValueError(f"a table of colours would have {nodes} nodes, more than {_MOST_NODES}")
-    step = float(np.clip(600 * narrow / highest, _FINEST_NM, _COARSEST_NM))
-    sampled_nm, weights = white_balanced_weights(light, step)
-    sampled = sampled_nm / 1000
-    colour = weights * (MIDDLE_UM * per_um) ** 2
-    shares = efficiencies(
-        orders, np.arange(highest + 1)[:, None, None], 2 * np.pi / sampled * w.nodes[:, None] * depth_um
-    )
+
+    @cache
+    def spectrum(step_nm: float, last_order: int) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """Wavelengths, what each contributes, and the orders' shares by order, ``w`` and wavelength."""
+        sampled_nm, weights = white_balanced_weights(light, step_nm)
+        phase = 2000 * np.pi / sampled_nm * w.nodes[:, None] * depth_um
+        shares = efficiencies(orders, np.arange(last_order + 1)[:, None, None], phase)
+        return sampled_nm / 1000, weights * (MIDDLE_UM * per_um) ** 2, shares
+
+    sampled, colour, shares = spectrum(_STEPS_NM[0], highest)
+    zeroth = _zeroth(shares[0], colour, sampled, per_um, added, distance)
     brightest = shares.max(axis=(1, 2))
     seen = np.flatnonzero(brightest[1:] > _NEGLIGIBLE * tolerance * brightest[1:].max())
     count = int(seen[-1]) + 1 if seen.size else 1
     table = np.zeros((count, w.count, root_width.count, wavelength.count, 4), np.float32)
     for j, width in enumerate(root_width.nodes**2):
-        away = (wavelength.nodes[:, None] - sampled) / width
         for m in range(1, count + 1):
-            lobe = np.exp(-0.5 * (m * away) ** 2)
+            sampled, colour, shares = spectrum(_step_nm(1000 * width / m), count)
+            lobe = np.exp(-0.5 * ((wavelength.nodes[:, None] - sampled) * m / width) ** 2)
             table[m - 1, :, j, :, :3] = lobe @ (shares[m, :, :, None] * colour)
     return ColourTable(
         orders=table,
-        zeroth=_zeroth(shares[0], colour, sampled, per_um, added, distance),
+        zeroth=zeroth,
         w=w,
         root_width=root_width,
         wavelength_um=wavelength,
@@ -159,6 +164,11 @@ def colour_table(
         spread_per_um=per_um,
         normal_reflectance=normal_reflectance,
     )
+
+
+def _step_nm(width_nm: float) -> float:
+    """The widest of some steps that samples a Gaussian of such a width, or the finest."""
+    return next((step for step in _STEPS_NM if step <= 0.6 * width_nm), _STEPS_NM[-1])
 
 
 def _zeroth(

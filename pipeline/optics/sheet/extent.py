@@ -25,7 +25,7 @@ class Extent:
     across : float
         Largest component across it.
     light_variance : tuple of float
-        Least and largest variance by which the light's size widens lobes.
+        Least and largest variance by which the light's size widens lobes; the least where it is foreshortened.
     pixel_variance : float
         The largest by which the half vector's change within a pixel does.
     """
@@ -78,7 +78,8 @@ def extent(
     row, column = _some(view.rows), _some(view.columns)
     across, down = np.meshgrid(column, row)
     place = view.points(across, down)
-    half, distance, cosine_sum = _half_vectors(place, view.eye_mm, light_mm)
+    half, towards, distance = _half_vectors(place, view.eye_mm, light_mm)
+    cosine_sum, cosine = half[..., 2], towards[..., 2]
     limit = np.inf if size_mm is None else np.array(size_mm) / 2 * (1 + _MARGIN)
     seen = np.all(np.abs(place) <= limit, axis=-1)
     if not seen.any():
@@ -91,15 +92,17 @@ def extent(
     sideways = np.linalg.norm(half[..., :2], axis=-1)
     if slopes is not None:
         p, q = (np.asarray(part[np.ix_(row.astype(int), column.astype(int))], np.float64) for part in slopes)
-        cosine_sum = (half[..., 2] - p * half[..., 0] - q * half[..., 1]) / np.sqrt(1 + p**2 + q**2)
+        cosine_sum, cosine = (
+            (one[..., 2] - p * one[..., 0] - q * one[..., 1]) / np.sqrt(1 + p**2 + q**2) for one in (half, towards)
+        )
         sideways = np.sqrt(np.maximum((half**2).sum(axis=-1) - cosine_sum**2, 0))
-        seen &= cosine_sum > 0
+        seen &= (cosine_sum > 0) & (cosine > 0)
     variance = (light_sigma_mm / distance[seen]) ** 2
     w = cosine_sum[seen]
     return Extent(
         (float(w.min()), float(w.max())),
         float(sideways[seen].max()),
-        (float(variance.min()), float(variance.max())),
+        (float((variance * cosine[seen] ** 2).min()), float(variance.max())),
         float(np.nanmax(pixel_variance[seen])),
     )
 
@@ -113,4 +116,4 @@ def _half_vectors(place: Float64Array, eye: Float64Array, light: Float64Array) -
     away = [point - points for point in (light, eye)]
     length = [np.linalg.norm(one, axis=-1) for one in away]
     half = away[0] / length[0][..., None] + away[1] / length[1][..., None]
-    return half, length[0], half[..., 2]
+    return half, away[0] / length[0][..., None], length[0]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from pipeline.optics.compiled import njit
 
 U, V_SQUARE, W, MORE_U, MORE_V, GAIN = range(6)
 """Rows of what is found: |u|, v^2, w, the variances that light and pixel add, and what geometry makes of radiance."""
@@ -64,7 +65,9 @@ def half_vectors(
             cos_eye = cx * nx + cy * ny + cz * nz
             w = hx * nx + hy * ny + hz * nz
         more = light_sigma * by_light
-        more_u = more_v = more * more
+        on_tangent, on_bitangent = lx * tx + ly * ty + lz * tz, lx * bx + ly * by + lz * bz
+        more_u = (_f(1) - on_tangent * on_tangent) * more * more
+        more_v = (_f(1) - on_bitangent * on_bitangent) * more * more
         if part > _f(0):
             for ex, ey in (
                 ((x_column - x * z_column) * scale, (y_column - y * z_column) * scale),

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.optics.colour import Spectrum, filtered_weights, white_balanced_weights
+from pipeline.optics.compiled import njit
 from pipeline.optics.gratings import Form, efficiencies, highest_order, window_spread
 from pipeline.optics.sheet.view import View
 
@@ -112,9 +112,9 @@ def shade_rows(
 ) -> None:
     """Add the light that rows ``span`` of the picture get from the sheet; releases the interpreter lock.
 
-    A light of Gaussian extent widens every lobe by its angular size, and lowers it so that its integral stays: the
-    convolution of both Gaussians in the half vector's plane, where the light's obliquity is neglected. So does the
-    half vector's change within a pixel, as a Gaussian of the variance of a box.
+    A light of Gaussian extent widens every lobe by its angular size, foreshortened along the tangent and across it, and
+    lowers it so that its integral stays: the convolution of both Gaussians, where their correlation is neglected. So
+    does the half vector's change within a pixel, as a Gaussian of the variance of a box.
 
     Parameters
     ----------
@@ -223,7 +223,9 @@ def _shade(
             u = abs(hx * tx + hy * ty + hz * tz)
             v = hx * bx + hy * by + hz * bz
             w = cos_light + cos_eye
-            more_u = more_v = (light_sigma / light_distance) ** 2
+            on_tangent, on_bitangent = lx * tx + ly * ty + lz * tz, lx * bx + ly * by + lz * bz
+            more_u = (1 - on_tangent**2) * (light_sigma / light_distance) ** 2
+            more_v = (1 - on_bitangent**2) * (light_sigma / light_distance) ** 2
             if part > 0:
                 for side in range(2):
                     ex = part * (hom[0, side] - x * hom[2, side]) / z

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.optics.colour import LAST_NM
+from pipeline.optics.compiled import njit
 from pipeline.optics.sheet.colour_table import MIDDLE_UM, REACH, Axis, ColourTable
 from pipeline.optics.sheet.half_vectors import GAIN, MORE_U, MORE_V, V_SQUARE, U, W, half_vectors
 from pipeline.optics.sheet.view import View

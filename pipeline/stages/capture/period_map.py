@@ -66,7 +66,7 @@ def period_map(
         _log.info("the map of node '%s'", chosen)
     found = read_map_file(file, "period_um")
     if range_lines_per_mm is None:
-        period = in_range(found, file, "range_um", range_um)
+        period = in_range(found, file, "range_um", range_um, or_else=" or range_lines_per_mm")
     else:
         density = in_range(found, file, "range_lines_per_mm", range_lines_per_mm)
         period = np.divide(np.float32(1000), density, out=np.zeros_like(density), where=density > 0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from typing import Literal
 
 import numpy as np
@@ -13,12 +12,10 @@ from pipeline.data.height_fields import HeightField
 from pipeline.data.pictures import PictureSeries
 from pipeline.devices.sheet_views import WIDEST_VIEW_DEG, blind_camera, camera_view, rectified_view, unusable_counts
 from pipeline.devices.virtual_light import Lighting, check_lighting, white_level
-from pipeline.devices.virtual_sheet import MOST_SAMPLES, POINTS, Sheet, automatic_sampling, render_sheet
+from pipeline.devices.virtual_sheet import MOST_SAMPLES, POINTS, automatic_sampling, render_sheet
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within, zero_or_more
-from pipeline.optics.sheet.maps import Bumps, slopes_of
-
-_log = logging.getLogger(__name__)
+from pipeline.stages.render._sheets import offset_note, sheet_of
 
 # Lobes are steep: orientations that differed by 1.2e-6 rad were seen to change a pixel by 2.6e-5 of white.
 _tolerance_point_light = {"rgb": 5e-4}
@@ -27,7 +24,6 @@ _ANIMATED_PX = 640
 _FRAMES_PER_SECOND = 24.0
 _LONGEST_ORBIT = 720
 _MOST_PIXELS = 300_000_000
-_OFFSET_UNKNOWN = "Orientations are known up to one offset: facets may shine under other lights than here"
 
 
 def point_light(
@@ -135,22 +131,8 @@ def point_light(
     -----
     Toisoul, Dhillon and Ghosh 2018, equation 2 and section 6.1; Stam 1999.
     """
-    if orientation.orientation_rad.shape != period.period_um.shape:
-        raise InputError("the maps of orientation and period differ in shape")
-    caption = "Rendered from maps of orientation and period"
-    if not orientation.absolute:
-        caption += f". {_OFFSET_UNKNOWN}"
-        _log.warning(
-            "%s. fit.offset makes them absolute, from photographs under a torch or from known_deg", _OFFSET_UNKNOWN
-        )
-    pixel_mm = orientation.pixel_mm or period.pixel_mm
-    if pixel_mm is None:
-        pixel_mm = width_mm / orientation.orientation_rad.shape[1]
-        _log.warning(
-            "the pixel pitch is not known: the sheet is rendered as %g mm wide; rig.pixel_mm or pixel_mm in "
-            "capture.yaml state it",
-            width_mm,
-        )
+    sheet = sheet_of(orientation, period, bumps, width_mm=width_mm, tiles=tiles)
+    caption = "Rendered from maps of orientation and period" + offset_note(orientation)
     lighting = Lighting(
         lights_mm=_carried_around(lights_mm[0], orbit) if orbit else np.asarray(lights_mm, dtype=np.float64),
         camera_mm=np.asarray(camera_mm, dtype=np.float64),
@@ -161,13 +143,6 @@ def point_light(
         wavelength_step_nm=wavelength_step_nm,
         orders=orders,
         refractive_index=refractive_index,
-    )
-    sheet = Sheet(
-        orientation.orientation_rad,
-        period.period_um,
-        pixel_mm,
-        (tiles[0], tiles[1]),
-        None if bumps is None else _slopes(bumps),
     )
     if view == "rectified":
         seen = rectified_view(sheet, lighting.camera_mm, size_px, most_px=_ANIMATED_PX if orbit else None)
@@ -210,16 +185,6 @@ def _carried_around(light_mm: list[float], steps: int) -> NDArray[np.float64]:
     return np.stack(around, axis=1)
 
 
-def _slopes(bumps: HeightField) -> Bumps:
-    missing = int(np.count_nonzero(~np.isfinite(bumps.height_um)))
-    if missing:
-        raise InputError(f"{missing} heights of the bumps are not known", expected="align.despiked, which fills gaps")
-    if min(bumps.height_um.shape) < 2:
-        raise InputError("bumps of a single row or column have no slopes")
-    slopes = slopes_of(bumps.height_um, bumps.pitch_um, periodic=bumps.periodic)
-    return Bumps(slopes, bumps.pitch_um / 1000, bumps.periodic)
-
-
 def _check_point_light(
     *,
     lights_mm: list[list[float]],
@@ -253,10 +218,8 @@ def _check_point_light(
         within(2, _LONGEST_ORBIT, orbit=orbit),
         _unmovable(len(lights_mm), together) if orbit else [],
         above_zero_up_to(WIDEST_VIEW_DEG, field_of_view_deg=field_of_view_deg),
-        unusable_counts("tiles", tiles, "[columns, rows] of tiles, whole numbers from 1"),
-        []
-        if size_px is None
-        else unusable_counts("size_px", size_px, "[columns, rows] in pixels, whole numbers from 1"),
+        unusable_counts("tiles", tiles, "[columns, rows] of tiles"),
+        [] if size_px is None else unusable_counts("size_px", size_px, "[columns, rows] in pixels"),
     )
     check_lighting(
         lights_mm=lights_mm,
@@ -272,5 +235,9 @@ def _unmovable(lights: int, together: bool) -> list[InputError]:
     if lights == 1 and not together:
         return []
     return [
-        InputError("an orbit carries one light around", where="orbit", expected="one of lights_mm, together: false")
+        InputError(
+            "an orbit carries one light around",
+            where="orbit",
+            expected="a single place in lights_mm, and together: false",
+        )
     ]

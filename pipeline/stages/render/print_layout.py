@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.data.printing import PrintLayout
 from pipeline.errors import InputError
-from pipeline.limits import above_zero, refuse
+from pipeline.limits import above_zero, different_shapes, refuse
 from pipeline.optics.dot_grid import cells_under, nearest_angles, nearest_multiples, nearest_of
 
 Float64Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def print_layout(
     )
     shape = orientation.orientation_rad.shape
     if shape != period.period_um.shape:
-        raise InputError("the maps of orientation and period differ in shape")
+        raise different_shapes(orientation=shape, period=period.period_um.shape)
     pitch = pixel_mm or orientation.pixel_mm or period.pixel_mm
     if pitch is None:
         raise InputError("the maps do not know their pixel pitch", where="pixel_mm", expected="pixel_mm: the pitch")
