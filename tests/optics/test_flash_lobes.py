@@ -56,7 +56,7 @@ def test_orders_lie_where_the_grating_equation_puts_them_and_keep_their_light() 
     u, v = np.meshgrid(np.linspace(-0.5, 0.5, 801), np.linspace(-0.2, 0.2, 321))
     shares = np.zeros((3, *u.shape))
     shares[1] = 1.0
-    seen = order_sum(u, v, np.full(u.shape, 0.02**2), shares, 2.0, Orders(0.53, 0.004))
+    seen = order_sum(u, v, (np.full(u.shape, 0.02**2), np.full(u.shape, 0.02**2)), shares, 2.0, Orders(0.53, 0.004))
     ahead = np.where(u > 0, seen, 0)
     assert (ahead * u).sum() / ahead.sum() == pytest.approx(0.53 / 2, rel=1e-6)
     assert (ahead * u**2).sum() / ahead.sum() - (0.53 / 2) ** 2 == pytest.approx(0.02**2 + 0.002**2, rel=1e-4)

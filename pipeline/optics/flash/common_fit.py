@@ -34,8 +34,8 @@ class Sample:
     ----------
     brightness, u, v, w, gain : ndarray
         Of each view, its half vector in the grating's frame, and what geometry makes of an order's share.
-    light_mm : ndarray
-        Distance of the light.
+    light_u, light_v : ndarray
+        Half vectors that a millimetre of the light's extent is, along the tangent and across it.
     rest : ndarray
         Variance of lobes, in half vectors, but for the light's extent.
     period_um : ndarray or None
@@ -47,7 +47,8 @@ class Sample:
     v: Float64Array
     w: Float64Array
     gain: Float64Array
-    light_mm: Float64Array
+    light_u: Float64Array
+    light_v: Float64Array
     rest: Float64Array
     period_um: Float64Array | None = None
 
@@ -90,7 +91,8 @@ def common_fit(sample: Sample, orders: Orders, *, period_um: float, light_sigma_
     high = np.array([start[0] + np.log(_LARGEST), np.log(DEPTHS_UM[1]), start[2] + 0.7])
 
     def model(values: Float64Array, level: Float64Array) -> Float64Array:
-        variance = (np.exp(values[0]) / sample.light_mm) ** 2 + sample.rest
+        sigma = np.exp(values[0])
+        variance = (sigma * sample.light_u) ** 2 + sample.rest, (sigma * sample.light_v) ** 2 + sample.rest
         deep = replace(orders, depth_um=float(np.exp(values[1])))
         period = float(np.exp(values[2])) if sample.period_um is None else sample.period_um
         shape = sample.gain * order_sum(sample.u, sample.v, variance, deep.shares(sample.w), period, deep)

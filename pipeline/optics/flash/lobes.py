@@ -33,6 +33,8 @@ class HalfVectors:
         square of its distance in metres.
     light_mm, eye_mm : ndarray
         Distances to the light and to the camera.
+    light_x, light_y : ndarray
+        Part of the unit vector to the light in the sheet's plane.
     """
 
     x: Float64Array
@@ -41,6 +43,8 @@ class HalfVectors:
     gain: Float64Array
     light_mm: Float64Array
     eye_mm: Float64Array
+    light_x: Float64Array
+    light_y: Float64Array
 
     @property
     def length(self) -> Float64Array:
@@ -72,7 +76,7 @@ def half_vectors(x_mm: ArrayLike, y_mm: ArrayLike, light_mm: Float64Array, eye_m
     w = cos_light + cos_eye
     between = (hx**2 + hy**2 + w**2) / 2 - 1
     gain = (1 + between) ** 2 / (cos_eye * w**2) * (1000 / light) ** 2
-    return HalfVectors(hx, hy, w, gain, light, eye)
+    return HalfVectors(hx, hy, w, gain, light, eye, (lx - x) / light, (ly - y) / light)
 
 
 def mirror_point(light_mm: ArrayLike, eye_mm: ArrayLike) -> Float64Array:

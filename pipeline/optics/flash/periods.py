@@ -52,21 +52,21 @@ class Orders:
 def order_sum(
     u: Float64Array,
     v: Float64Array,
-    variance: Float64Array,
+    variance: tuple[Float64Array, Float64Array],
     shares: Float64Array,
     period_um: Float64Array | float,
     orders: Orders,
 ) -> Float64Array:
     """Brightness of all orders up to the second at half vectors (u, v).
 
-    Each order is a Gaussian of ``variance`` across the tangent, wider along it by the filter's band, which order m
-    spreads over ``m band / a``; its integral stays.
+    Each order is a Gaussian, of ``variance`` along the tangent and across it, and wider along it by the filter's band,
+    which order m spreads over ``m band / a``; its integral stays.
     """
     total = np.zeros(np.shape(u))
     for order in (-2, -1, 0, 1, 2):
-        along = variance + (order * orders.band_um / period_um) ** 2
+        along = variance[0] + (order * orders.band_um / period_um) ** 2
         away = u - order * orders.wavelength_um / period_um
-        lobe = np.exp(-(away**2) / (2 * along) - v**2 / (2 * variance)) / np.sqrt(along * variance)
+        lobe = np.exp(-(away**2) / (2 * along) - v**2 / (2 * variance[1])) / np.sqrt(along * variance[1])
         total += shares[abs(order)] * lobe
     return total
 
@@ -91,8 +91,10 @@ def best_periods(
 
     Parameters
     ----------
-    brightness, u, v, variance : ndarray of shape (O, M, N)
+    brightness, u, v : ndarray of shape (O, M, N)
         Views of a tile; NaN where there is none.
+    variance : ndarray of shape (2, O, M, N)
+        Of lobes, along the tangent and across it.
     shares : ndarray of shape (3, O, M, N)
         Brightness of orders 0, 1 and 2 for a light without extent.
     halves : ndarray of shape (O,), int64
@@ -112,7 +114,7 @@ def best_periods(
                     b = brightness[i, row, column]
                     if part and halves[i] != part - 1:
                         continue
-                    if np.isfinite(b) and v[i, row, column] ** 2 < _ACROSS**2 * variance[i, row, column]:
+                    if np.isfinite(b) and v[i, row, column] ** 2 < _ACROSS**2 * variance[1, i, row, column]:
                         use[count] = i
                         count += 1
                         square += b * b
@@ -125,15 +127,15 @@ def best_periods(
                     cross = norm = 0.0
                     for n in range(count):
                         i = use[n]
-                        along, s = abs(u[i, row, column]), variance[i, row, column]
+                        along, across = abs(u[i, row, column]), variance[1, i, row, column]
                         lobe = 0.0
                         for order in range(-1, 3):
-                            wider = s + (order * wide) ** 2
+                            wider = variance[0, i, row, column] + (order * wide) ** 2
                             away = (along - order * first) ** 2 / (2 * wider)
                             share = shares[abs(order), i, row, column]
                             if share > 0 and away < _FAR:
-                                lobe += share * np.exp(-away) / np.sqrt(s * wider)
-                        lobe *= np.exp(-(v[i, row, column] ** 2) / (2 * s))
+                                lobe += share * np.exp(-away) / np.sqrt(across * wider)
+                        lobe *= np.exp(-(v[i, row, column] ** 2) / (2 * across))
                         cross += brightness[i, row, column] * lobe
                         norm += lobe * lobe
                     scores[k] = cross * cross / (norm * square) if norm > 0 else 0.0

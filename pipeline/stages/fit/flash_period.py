@@ -209,12 +209,13 @@ class _Scan:
         wide = replace(placed, keep_off_mm=self.placed.keep_off_mm)
 
         def read(views: Views, rows: slice) -> None:
-            u, v = _along(views, self.orientation.orientation_rad[rows])
+            u, v, light = _along(views, self.orientation.orientation_rad[rows])
+            rest = views.spread**2 - (placed.light_sigma_mm / views.half.light_mm) ** 2
             best_periods(
                 views.brightness,
                 u,
                 v,
-                views.spread**2,
+                (placed.light_sigma_mm * light) ** 2 + rest,
                 views.half.gain * orders.shares(views.half.w),
                 halves,
                 self.periods,
@@ -250,25 +251,30 @@ class _Scan:
         every = max(1, int(total * 0.1) // _SAMPLE)
 
         def read(views: Views, rows: slice) -> None:
-            u, v = _along(views, self.orientation.orientation_rad[rows])
+            u, v, light = _along(views, self.orientation.orientation_rad[rows])
             known = np.zeros_like(u) if period_um is None else np.broadcast_to(period_um[rows], u.shape)
             near = (v**2 < (_ACROSS * views.spread) ** 2) & alone[rows]
             near &= np.isfinite(views.brightness) & np.isfinite(known)
-            light = views.half.light_mm
-            rest = views.spread**2 - (self.placed.light_sigma_mm / light) ** 2
-            columns = (views.brightness, u, v, views.half.w, views.half.gain, light, rest, known)
+            rest = views.spread**2 - (self.placed.light_sigma_mm / views.half.light_mm) ** 2
+            columns = (views.brightness, u, v, views.half.w, views.half.gain, *light, rest, known)
             parts.append(np.stack([column[near][::every] for column in columns]).astype(np.float64))
 
         over_blocks(self.photos, self.tiles, self.placed, read)
         parts.sort(key=lambda part: float(part[:2].sum()))
-        brightness, u, v, w, gain, light_mm, rest, known = np.concatenate(parts, axis=1)
-        return Sample(brightness, u, v, w, gain, light_mm, rest, None if period_um is None else known)
+        brightness, u, v, w, gain, light_u, light_v, rest, known = np.concatenate(parts, axis=1)
+        return Sample(brightness, u, v, w, gain, light_u, light_v, rest, None if period_um is None else known)
 
 
-def _along(views: Views, orientation_rad: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Half vectors along the tangent and across it."""
+def _along(views: Views, orientation_rad: Array) -> tuple[NDArray[np.float64], ...]:
+    """Half vectors along the tangent and across it, and what a millimetre of light is in them, shape (2, ...).
+
+    The light's extent is foreshortened in the direction in which it stands aslant.
+    """
     cosine, sine = np.cos(orientation_rad, dtype=np.float64), np.sin(orientation_rad, dtype=np.float64)
-    return views.half.x * cosine + views.half.y * sine, views.half.y * cosine - views.half.x * sine
+    half = views.half
+    on_tangent, across = half.light_x * cosine + half.light_y * sine, half.light_y * cosine - half.light_x * sine
+    light = np.sqrt(1 - np.stack([on_tangent, across]) ** 2) / half.light_mm
+    return half.x * cosine + half.y * sine, half.y * cosine - half.x * sine, light
 
 
 def _alone(orientation_rad: Array) -> NDArray[np.bool_]:
@@ -320,7 +326,7 @@ def _naive(
     every: list[NDArray[np.float64]] = []
 
     def read(views: Views, rows: slice) -> None:
-        u, _ = _along(views, orientation.orientation_rad[rows])
+        u, _, _ = _along(views, orientation.orientation_rad[rows])
         with np.errstate(divide="ignore", invalid="ignore"):
             value = orders.wavelength_um / np.abs(u)
         bright = (views.brightness > level) & (value < longest_um)
