@@ -43,7 +43,7 @@ def test_kills_at_random_moments(workshop: Workshop, warm: Warm, tally: Tally, s
     expected, whole_s = reference(workshop, warm)
     rng = random.Random(seed)
     kills = lost = 0
-    while kills < 52:
+    while kills < 26:
         workshop.start_again(forget=rng.random() < 0.2)
         before: dict[str, str] = {}
         for _ in range(rng.randint(1, 4)):
