@@ -14,7 +14,7 @@ import pipeline
 from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.errors import InputError
 from pipeline.report.exr import write_exr
-from pipeline.report.outputs import WRITERS
+from pipeline.report.writers import WRITERS
 from pipeline.runs import Run
 from pipeline.stages.capture.orientation_map import orientation_map
 from pipeline.stages.capture.period_map import period_map

@@ -11,7 +11,7 @@ from photo_makers import write_image
 from pipeline.data.gratings import OrientationMap
 from pipeline.errors import InputError, InputErrors
 from pipeline.optics.angles import axial_difference
-from pipeline.report.outputs import WRITERS
+from pipeline.report.writers import WRITERS
 from pipeline.stages.simulate.picture_design import picture_design
 
 GREY = np.array([[0, 51, 102], [153, 204, 255]], np.uint8)

@@ -13,7 +13,7 @@ from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.data.printing import PrintLayout
 from pipeline.errors import InputError
 from pipeline.report.figures import figures_of
-from pipeline.report.outputs import WRITERS
+from pipeline.report.writers import WRITERS
 from pipeline.stages.capture.orientation_map import orientation_map
 from pipeline.stages.capture.period_map import period_map
 from pipeline.stages.extract.printed_orientation import printed_orientation

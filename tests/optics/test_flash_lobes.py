@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from pipeline.optics.flash.constancy import common_variation
 from pipeline.optics.flash.distribution import Bins, sharpened
 from pipeline.optics.flash.highlight import bright_spot
 from pipeline.optics.flash.lobes import half_vectors, light_above, light_sigma, lobe_variance, mirror_point
 from pipeline.optics.flash.next_light import BINS, directions_seen
-from pipeline.optics.flash.periods import Orders, common_variation, order_sum
+from pipeline.optics.flash.periods import Orders, order_sum
 
 place = st.floats(-150, 150)
 height = st.floats(80, 600)

@@ -11,7 +11,7 @@ import pytest
 from pipeline.data.pictures import PictureSeries
 from pipeline.optics.colour import encode_srgb
 from pipeline.report.figures import figures_of
-from pipeline.report.outputs import WRITERS
+from pipeline.report.writers import WRITERS
 
 
 def film(count: int = 5, rows: int = 21, columns: int = 32) -> PictureSeries:

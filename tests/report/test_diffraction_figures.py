@@ -14,8 +14,8 @@ from pipeline.data.diffraction import DiffractionPeaks, SlitPatterns
 from pipeline.data.pictures import Pictures
 from pipeline.optics.diffraction.order_peaks import order_angle
 from pipeline.report.figures import figures_of
-from pipeline.report.outputs import WRITERS
 from pipeline.report.slit_patterns import strips
+from pipeline.report.writers import WRITERS
 from pipeline.stages.render.slits import slits
 
 LIGHT = float(np.deg2rad(75))

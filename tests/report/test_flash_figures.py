@@ -11,7 +11,7 @@ import pytest
 from pipeline.data.flash import FlashBrackets, FlashPhotographs, Tiles
 from pipeline.optics.tile_alignment import translation
 from pipeline.report.figures import figures_of
-from pipeline.report.outputs import WRITERS
+from pipeline.report.writers import WRITERS
 
 RNG = np.random.default_rng(2)
 LIGHTS = np.array([[100.0, 0.0, 250.0], [np.nan, np.nan, np.nan]])

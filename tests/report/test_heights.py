@@ -10,7 +10,7 @@ import OpenImageIO as oiio
 
 from pipeline.data.height_fields import HeightField
 from pipeline.report.figures import figures_of
-from pipeline.report.outputs import WRITERS
+from pipeline.report.writers import WRITERS
 from pipeline.stages.fit.periodicity import periodicity
 from pipeline.stages.simulate.bumps import bumps
 from pipeline.storage.artifact import content_of, digest_of, read_artifact, write_artifact

@@ -12,7 +12,7 @@ from pipeline.data.gratings import OrientationMap
 from pipeline.data.inspection import Defects, Inspection
 from pipeline.report.figures import figures_of
 from pipeline.report.inspections import csv_of
-from pipeline.report.outputs import WRITERS
+from pipeline.report.writers import WRITERS
 
 
 def two_defects() -> Defects:

@@ -152,30 +152,3 @@ def best_periods(
                 noise = (1 - middle + _MODEL_ERROR**2) * fourth / (square * square)
                 found[part, 0, row, column] = value
                 found[part, 1, row, column] = value * spacing * np.sqrt(2 * noise / bend)
-
-
-def common_variation(first: Float64Array, second: Float64Array, blocks: NDArray[np.int64]) -> tuple[float, float]:
-    """Relative scatter that two measurements of the same pixels share, and how many standard errors it is above none.
-
-    Errors of the two are independent, so that only what really varies makes their covariance. Its standard error
-    is that of a jackknife over blocks of pixels, since neighbours are not independent.
-
-    Parameters
-    ----------
-    first, second : ndarray of shape (P,)
-        Periods by either half of the views.
-    blocks : ndarray of shape (P,)
-        Which block each pixel belongs to.
-    """
-    left = np.clip(np.log(first / np.median(first)), -1, 1)
-    right = np.clip(np.log(second / np.median(second)), -1, 1)
-    product = (left - left.mean()) * (right - right.mean())
-    _, index = np.unique(blocks, return_inverse=True)
-    sums, counts = np.bincount(index, product), np.bincount(index)
-    total, count, groups = sums.sum(), counts.sum(), len(sums)
-    if groups < 2:
-        return float(np.sqrt(max(total / count, 0.0))), 0.0
-    without = (total - sums) / (count - counts)
-    error = np.sqrt((groups - 1) / groups * np.sum((without - without.mean()) ** 2))
-    covariance = total / count
-    return float(np.sqrt(max(covariance, 0.0))), float(covariance / error) if error > 0 else 0.0

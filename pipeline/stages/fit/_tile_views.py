@@ -201,3 +201,11 @@ def _highlight(placed: Bench, index: int, pixel_mm: float) -> tuple[float, float
     )
     spread = float(np.sqrt(_variance(half, placed, pixel_mm)))
     return spread, spread / float(1 / half.light_mm + 1 / half.eye_mm)
+
+
+def unordered(shortest_um: float, longest_um: float) -> list[InputError]:
+    """What is wrong with periods to look between."""
+    if shortest_um < longest_um:
+        return []
+    what = f"shortest_um {shortest_um:g} is not below longest_um {longest_um:g}"
+    return [InputError(what, where="shortest_um, longest_um", expected="the shortest below the longest")]

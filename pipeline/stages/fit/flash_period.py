@@ -15,9 +15,10 @@ from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
 from pipeline.optics.flash.common_fit import Common, Sample, common_fit
+from pipeline.optics.flash.constancy import SURE, error_of_common, verdict
 from pipeline.optics.flash.lobes import FWHM
-from pipeline.optics.flash.periods import Orders, best_periods, common_variation
-from pipeline.stages.fit._tile_views import Bench, Views, bench, over_blocks
+from pipeline.optics.flash.periods import Orders, best_periods
+from pipeline.stages.fit._tile_views import Bench, Views, bench, over_blocks, unordered
 
 _log = logging.getLogger(__name__)
 
@@ -31,17 +32,8 @@ _ACROSS = 2.0
 _SMOOTH_RAD = float(np.deg2rad(6))
 """Turn from a pixel to its neighbours above which it may hold two gratings, and tells nothing of what all share."""
 _FEW_SMOOTH = 0.1
-_BLOCKS = 8
-"""Along a side of the tile, for the jackknife."""
-_SIGNIFICANT = 3.0
-_SURE = 0.05
-"""Relative standard error beyond which a measurement takes no part in the test."""
 _DOUBTFUL = 0.2
 """The same, beyond which a pixel's period is not known."""
-_EXPLAINED = 0.25
-"""Residual, relative to brightness, above which one period does not explain the views."""
-_FEWEST = 50
-"""Pixels measured twice, below which nothing is tested."""
 _UNFILTERED_BANDWIDTH_NM = 100.0
 """About that of a camera's green channel."""
 
@@ -159,13 +151,13 @@ def flash_period(
     common = min(one, each, key=lambda fit: fit.residual)
     found = scan.of(common.orders, replace(placed, light_sigma_mm=common.light_sigma_mm))
     alone = _alone(orientation.orientation_rad)
-    verdict = _verdict(np.where(alone, found, np.nan), one.residual, tolerance_percent)
-    _log.info("%s", verdict.words)
-    constant = verdict.constant if kind == "auto" else kind == "constant"
+    judged = verdict(np.where(alone, found, np.nan), one.residual, tolerance_percent)
+    _log.info("%s", judged.words)
+    constant = judged.constant if kind == "auto" else kind == "constant"
     period, error = found[0].astype(np.float32)
     known = error < _DOUBTFUL * period
-    sure = known & alone & (error < _SURE * period)
-    metrics = {"period_variation_percent": verdict.percent, "period_constant": float(constant)}
+    sure = known & alone & (error < SURE * period)
+    metrics = {"period_variation_percent": judged.percent, "period_constant": float(constant)}
     metrics |= {
         "one_period_residual_percent": 100 * one.residual,
         **_scatter(period[sure if sure.any() else np.isfinite(period)]),
@@ -174,7 +166,7 @@ def flash_period(
     if constant:
         common = one
         metrics["period_um"] = one.period_um or np.nan
-        error = np.full_like(error, _error_of_common(np.where(sure, period, np.nan)))
+        error = np.full_like(error, error_of_common(np.where(sure, period, np.nan)))
         period = np.full_like(period, metrics["period_um"])
     metrics |= {
         "light_sigma_mm": common.light_sigma_mm,
@@ -355,44 +347,6 @@ def _scatter(periods: Array) -> dict[str, float]:
     }
 
 
-@dataclass(frozen=True)
-class _Verdict:
-    constant: bool
-    percent: float
-    words: str
-
-
-def _verdict(found: Array, residual: float, tolerance_percent: float) -> _Verdict:
-    """Whether the periods of pixels differ by more than their measurements do, and whether one explains all views."""
-    (first, second), (error, other) = found[1:, 0], found[1:, 1]
-    twice = (error < _SURE * first) & (other < _SURE * second)
-    percent, errors = float("nan"), 0.0
-    if np.count_nonzero(twice) >= _FEWEST:
-        scatter, errors = common_variation(first[twice], second[twice], _blocks(first.shape)[twice])
-        percent = 100 * scatter
-    varies = percent >= tolerance_percent and errors >= _SIGNIFICANT
-    constant = not varies and residual < _EXPLAINED
-    words = (
-        f"Periods vary by {percent:.2g} percent ({errors:.1f} standard errors above none), and one period leaves "
-        f"{100 * residual:.2g} percent of the brightness unexplained: {'one number will do' if constant else 'a map'}."
-    )
-    return _Verdict(constant, percent, words)
-
-
-def _blocks(shape: tuple[int, ...]) -> NDArray[np.int64]:
-    """Which of the blocks of a jackknife each pixel belongs to."""
-    rows, columns = np.indices(shape)
-    return (rows * _BLOCKS // shape[0]) * _BLOCKS + columns * _BLOCKS // shape[1]
-
-
-def _error_of_common(period: Array) -> float:
-    """Standard error of one period for all pixels, from the scatter of the medians of blocks."""
-    blocks = _blocks(period.shape)
-    known = [period[(blocks == one) & np.isfinite(period)] for one in range(_BLOCKS**2)]
-    medians = [np.median(values) for values in known if values.size]
-    return float(np.std(medians) / np.sqrt(len(medians))) if medians else float("nan")
-
-
 def _check_flash_period(
     *,
     tolerance_percent: float,
@@ -421,9 +375,4 @@ def _check_flash_period(
             coherence_um=coherence_um,
         ),
     )
-    if shortest_um >= longest_um:
-        raise InputError(
-            f"shortest_um {shortest_um:g} is not below longest_um {longest_um:g}",
-            where="shortest_um, longest_um",
-            expected="the shortest below the longest",
-        )
+    refuse(unordered(shortest_um, longest_um))

@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.limits import above_zero, at_least, refuse, within, zero_or_more
 from pipeline.optics.flash.distribution import Bins, sharpened
 from pipeline.optics.flash.lobes import half_vectors, lobe_variance
-from pipeline.stages.fit._tile_views import bench
+from pipeline.stages.fit._tile_views import bench, unordered
 
 _log = logging.getLogger(__name__)
 
@@ -205,9 +205,4 @@ def _check_orientation_period_distribution(
             coherence_um=coherence_um,
         ),
     )
-    if shortest_um >= longest_um:
-        raise InputError(
-            f"shortest_um {shortest_um:g} is not below longest_um {longest_um:g}",
-            where="shortest_um, longest_um",
-            expected="the shortest below the longest",
-        )
+    refuse(unordered(shortest_um, longest_um))
