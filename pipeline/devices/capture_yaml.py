@@ -28,7 +28,7 @@ import yaml
 
 from pipeline.devices.decimal_angles import radians_of
 from pipeline.devices.yaml_reader import YamlReader, described, root_of
-from pipeline.errors import InputError, InputErrors, nearest
+from pipeline.errors import InputErrors, nearest
 
 CAPTURE_FILE = "capture.yaml"
 KIND = "polarizer_sequence"
@@ -95,11 +95,6 @@ def read_capture_yaml(path: Path) -> Capture:
 
 class _Reader(YamlReader):
     def capture(self, root: yaml.Node | None) -> Capture | None:
-        if root is None:
-            self.problems.append(
-                InputError(f"{self.path.name} is empty", where=str(self.path), expected="kind, photos")
-            )
-            return None
         known: dict[str, Callable[[yaml.Node], Any]] = {
             "kind": self.kind,
             "photos": self.photos,
@@ -112,10 +107,9 @@ class _Reader(YamlReader):
             "saturation": self.positive,
             "metadata": self.texts,
         }
-        values = self.mapping(root, known, required=("kind", "photos"), what="capture.yaml")
-        if values is None or self.problems:
+        values = self.fields(root, known, required=("kind", "photos"))
+        if values is None:
             return None
-        del values["kind"]
         return Capture(source=self.path, **values)
 
     def kind(self, node: yaml.Node) -> str | None:

@@ -34,7 +34,7 @@ from typing import Any
 import yaml
 
 from pipeline.devices.yaml_reader import YamlReader, described, root_of
-from pipeline.errors import InputError, InputErrors
+from pipeline.errors import InputErrors
 
 KIND = "flash"
 
@@ -85,11 +85,6 @@ def read_flash_yaml(path: Path) -> FlashCapture:
 
 class _Reader(YamlReader):
     def capture(self, root: yaml.Node | None) -> FlashCapture | None:
-        if root is None:
-            self.problems.append(
-                InputError(f"{self.path.name} is empty", where=str(self.path), expected="kind, photos")
-            )
-            return None
         known: dict[str, Callable[[yaml.Node], Any]] = {
             "kind": self.kind,
             "photos": self.photos,
@@ -104,10 +99,9 @@ class _Reader(YamlReader):
             "light_sigma_mm": self.positive,
             "metadata": self.texts,
         }
-        values = self.mapping(root, known, required=("kind", "photos"), what="capture.yaml")
-        if values is None or self.problems:
+        values = self.fields(root, known, required=("kind", "photos"))
+        if root is None or values is None:
             return None
-        del values["kind"]
         capture = FlashCapture(source=self.path, **values)
         lights = sorted({photo.light for photo in capture.photos})
         count = len(lights) if capture.lights_mm is None else len(capture.lights_mm)

@@ -52,9 +52,6 @@ def read_height_folder(folder: Path, told: MapDescription) -> HeightField:
 
 class _Reader(YamlReader):
     def description(self, root: yaml.Node | None) -> dict[str, Any] | None:
-        if root is None:
-            self.problems.append(InputError(f"{self.path.name} is empty", where=str(self.path), expected="kind, file"))
-            return None
         known: dict[str, Callable[[yaml.Node], Any]] = {
             "kind": self.kind,
             "file": self.file,
@@ -64,10 +61,9 @@ class _Reader(YamlReader):
             "periodic": self.boolean,
             "caption": self.text,
         }
-        values = self.mapping(root, known, required=("kind", "file"), what="capture.yaml")
-        if values is None or self.problems:
+        values = self.fields(root, known, required=("kind", "file"))
+        if values is None:
             return None
-        del values["kind"]
         return values
 
     def kind(self, node: yaml.Node) -> str | None:

@@ -174,11 +174,6 @@ def _bring_to_one_exposure(rgb: NDArray[np.float32], photos: list[Photo]) -> Non
 
 class _Reader(YamlReader):
     def capture(self, root: yaml.Node | None) -> PointLightCapture | None:
-        if root is None:
-            self.problems.append(
-                InputError(f"{self.path.name} is empty", where=str(self.path), expected="kind, camera_mm, photos")
-            )
-            return None
         known: dict[str, Callable[[yaml.Node], Any]] = {
             "kind": self.kind,
             "camera_mm": self.position,
@@ -188,10 +183,9 @@ class _Reader(YamlReader):
             "linear": self.boolean,
             "saturation": self.positive,
         }
-        values = self.mapping(root, known, required=("kind", "camera_mm", "photos"), what="capture.yaml")
-        if values is None or self.problems:
+        values = self.fields(root, known, required=("kind", "camera_mm", "photos"))
+        if values is None:
             return None
-        del values["kind"]
         return PointLightCapture(source=self.path, **values)
 
     def kind(self, node: yaml.Node) -> str | None:

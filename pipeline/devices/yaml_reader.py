@@ -53,6 +53,21 @@ class YamlReader:
     path: Path
     problems: list[InputError] = field(default_factory=list)
 
+    def fields(
+        self, root: yaml.Node | None, known: Mapping[str, Callable[[yaml.Node], Any]], *, required: tuple[str, ...]
+    ) -> dict[str, Any] | None:
+        """All of a ``capture.yaml`` but its kind; None where anything is wrong with it."""
+        if root is None:
+            self.problems.append(
+                InputError(f"{self.path.name} is empty", where=str(self.path), expected=", ".join(required))
+            )
+            return None
+        values = self.mapping(root, known, required=required, what="capture.yaml")
+        if values is None or self.problems:
+            return None
+        del values["kind"]
+        return values
+
     def mapping(
         self,
         node: yaml.Node,

@@ -191,6 +191,9 @@ class Viewer {
     return this.focal() * this.zoom * this.sheet.constants.pixel_mm / Math.hypot(...this.sheet.start.eye);
   }
 
+  // How many of the pixels along a side the last frame drew.
+  drawnPart() { return this.canvas.width / (this.canvas.clientWidth * Math.min(devicePixelRatio || 1, 2)); }
+
   setting(name) {
     const value = Number(this.root.querySelector(`input[name=${name}]`).value);
     return {light_sigma: value * value, depth: value, period_scale: 2 ** value, exposure: 2 ** value}[name];
@@ -297,7 +300,7 @@ class Viewer {
 
   // Zoom about a point, in widths of the picture from its middle.
   magnify(factor, x = 0, y = 0) {
-    const closest = LARGEST_DOT / (this.texelPixels() / this.zoom), before = this.zoom;
+    const closest = LARGEST_DOT * this.drawnPart() / (this.texelPixels() / this.zoom), before = this.zoom;
     this.zoom = limited(this.zoom * factor, 1, Math.max(closest, 1));
     const moved = 1 - this.zoom / before;
     this.pan(moved * x, moved * y);
