@@ -22,6 +22,8 @@ from pipeline.report.page import page
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist"]
 LEVELS = {"spectral": 2, "table": 3}
 """Largest difference of a pixel's encoded levels, of 255."""
+IDLE = "() => (v => !v.frame.asked && !v.frame.drawing)(document.querySelector('figure.viewer').viewer)"
+"""Whether no frame is asked for or waited for: finer ones follow a coarse one by themselves."""
 
 
 @pytest.fixture(scope="module")
@@ -184,15 +186,14 @@ def test_dots_are_drawn_with_their_orientation_when_they_are_large(shown: Any) -
 
 
 def test_nothing_is_drawn_while_nothing_changes(shown: Any) -> None:
-    shown.wait_for_function("() => !document.querySelector('figure.viewer').viewer.frame.asked")
+    shown.wait_for_function(IDLE)
     last = viewer(shown, "viewer.frame.last")
     shown.wait_for_timeout(150)
     assert viewer(shown, "viewer.frame.last") == last
 
 
 def test_a_slow_card_gets_one_frame_at_a_time_and_fewer_pixels_while_a_slider_moves(shown: Any) -> None:
-    idle = "() => (v => !v.frame.asked && !v.frame.drawing)(document.querySelector('figure.viewer').viewer)"
-    shown.wait_for_function(idle)
+    shown.wait_for_function(IDLE)
     width = viewer(shown, "viewer.canvas.width")
     viewer(shown, "viewer.painter.gl.getSyncParameter = () => window.done ? 0x9119 : 0x9118")
     slide(shown, "depth", 0.2)
@@ -203,7 +204,7 @@ def test_a_slow_card_gets_one_frame_at_a_time_and_fewer_pixels_while_a_slider_mo
     assert viewer(shown, "viewer.frame.last") == last
     shown.evaluate("window.done = true")
     shown.wait_for_function(
-        f"last => document.querySelector('figure.viewer').viewer.frame.last > last && ({idle})()", arg=last
+        f"last => document.querySelector('figure.viewer').viewer.frame.last > last && ({IDLE})()", arg=last
     )
     assert viewer(shown, "viewer.canvas.width") <= width / 2 + 1
     shown.locator("input[name=depth]").dispatch_event("change")
