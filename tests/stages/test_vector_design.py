@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.path import Path as Polygon
 
-from pipeline.bench import Experiment
+import pipeline
 from pipeline.data.gratings import GratingSample
 from pipeline.errors import InputError, InputErrors
 from pipeline.optics.drawing import Drawing
@@ -218,7 +218,7 @@ def test_a_picture_for_a_design_of_vectors_and_the_reverse_are_told_apart(tmp_pa
     with pytest.raises(InputError, match=r"hint: +maps=picture, or simulate.picture_design"):
         vector_design(file=picture)
     with pytest.raises(InputErrors, match=r"page.svg is made of shapes[\s\S]*hint: +maps=vector"):
-        Experiment.load(["+experiment=edit_periods", "maps=picture", f"graph.sample.file={page}"])
+        pipeline.run("edit_periods", ["maps=picture", f"graph.sample.file={page}", f"paths.runs={tmp_path}"])
 
 
 @pytest.mark.parametrize(
