@@ -65,7 +65,7 @@ def half_vectors(x_mm: ArrayLike, y_mm: ArrayLike, light_mm: Float64Array, eye_m
     x_mm, y_mm : array_like
         The points.
     light_mm, eye_mm : ndarray of shape (3,)
-        Places of light and camera.
+        Places of light and camera; several lights as (3, L, 1, ...), before the points' axes.
     """
     x, y = np.asarray(x_mm, np.float64), np.asarray(y_mm, np.float64)
     (lx, ly, lz), (cx, cy, cz) = light_mm, eye_mm

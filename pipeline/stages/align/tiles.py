@@ -98,8 +98,14 @@ def tiles(
     if motion != "translation":
         chosen, found["sheet_residual_px"] = _aligned(feature, pattern, start, numbers, steps, reference, motion)
     moved = np.array([_farthest(one, other, tile_shape) for one, other in zip(chosen, start, strict=True)])
-    correlation = np.array([likeness(feature, pattern, homography) for homography in chosen])
-    residual = np.array([shift_left(feature, pattern, homography) for homography in chosen])
+    correlation, residual = unknown.copy(), unknown.copy()
+
+    def judge(first: int, last: int) -> None:
+        for k in range(first, last):
+            correlation[k] = likeness(feature, pattern, chosen[k])
+            residual[k] = shift_left(feature, pattern, chosen[k])
+
+    over_rows(judge, len(chosen), tile=1)
     found |= {
         "tiles": float(len(numbers)),
         "residual_px": float(np.nanmedian(residual)),

@@ -19,6 +19,8 @@ from pipeline.optics.flash.next_light import BINS, directions_seen
 from pipeline.optics.flash.orientations import AGREEMENT, BRIGHTNESS, ERROR, TANGENT, add_profile, by_lobe, by_threshold
 from pipeline.stages.fit._tile_views import Bench, Views, bench, over_blocks, spread_at_highlight
 
+Float64Array = NDArray[np.float64]
+
 _log = logging.getLogger(__name__)
 
 _tolerance_flash_orientation = {
@@ -146,8 +148,11 @@ def flash_orientation(
     found = np.full((4, *tiles.shape), np.nan, np.float32)
     ratio = _RANGE ** (-1 / steps)
 
+    parts: dict[int, Float64Array] = {}
+
     def threshold(views: Views, rows: slice) -> None:
         by_threshold(views.brightness, views.azimuth, views.width, peak, least, ratio, found[:, rows])
+        parts[rows.start] = _along_tangents(views, found[:, rows])
 
     over_blocks(photos, tiles, placed, threshold)
     mask = np.isfinite(found[TANGENT])
@@ -157,11 +162,11 @@ def flash_orientation(
             expected="photographs that show orders of diffraction around the highlight",
         )
     if method == "lobe":
-        _fit_lobes(photos, tiles, placed, found)
+        _fit_lobes(photos, tiles, placed, parts, found)
     found[ERROR] = np.hypot(found[ERROR], _turn_within(found[TANGENT], tiles))
     metrics = _figures(mask, found)
     if 100 - metrics["lit_percent"] > _COVERED_PERCENT:
-        proposal = _next_light(photos, tiles, placed, mask, found)
+        proposal = _next_light(photos, tiles, placed, mask, _profile(parts))
         if proposal is not None:
             (x, y, z), share = proposal
             metrics |= {
@@ -202,31 +207,32 @@ def _levels(photos: FlashPhotographs, tiles: Tiles, placed: Bench) -> tuple[floa
     return float(np.percentile(brightest, 99.5)), float(np.median(darkest)) if len(photos.radiance) else 0.0
 
 
-def _fit_lobes(photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArray[np.float32]) -> None:
-    """Learn the brightness along the tangent and improve the tangents, in turn."""
+def _fit_lobes(
+    photos: FlashPhotographs, tiles: Tiles, placed: Bench, parts: dict[int, Float64Array], found: NDArray[np.float32]
+) -> None:
+    """Learn the brightness along the tangent and improve the tangents, in turn; both in one pass over the views."""
     for _ in range(_ROUNDS):
-        profile = _profile(photos, tiles, placed, found)
+        profile = _profile(parts)
         profile[profile < _DARK * profile.max()] = 0
 
-        def improve(views: Views, rows: slice, profile: NDArray[np.float64] = profile) -> None:
-            length, gain = views.half.length.astype(np.float32), views.half.gain.astype(np.float32)
-            by_lobe(views.brightness, views.azimuth, views.width, length, gain, profile, _PROFILE_STEP, found[:, rows])
+        def improve(views: Views, rows: slice, profile: Float64Array = profile) -> None:
+            seen = views.brightness, views.azimuth, views.width, views.length, views.gain
+            by_lobe(*seen, profile, _PROFILE_STEP, found[:, rows])
+            parts[rows.start] = _along_tangents(views, found[:, rows])
 
         over_blocks(photos, tiles, placed, improve)
 
 
-def _profile(photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArray[np.float32]) -> NDArray[np.float64]:
+def _along_tangents(views: Views, found: NDArray[np.float32]) -> Float64Array:
+    """What some rows add to the brightness of lobes along their tangent, shape (2, K)."""
+    part = np.zeros((2, _PROFILE_BINS))
+    add_profile(views.brightness, views.azimuth, views.width, views.length, views.gain, found, _PROFILE_STEP, part)
+    return part
+
+
+def _profile(parts: dict[int, Float64Array]) -> Float64Array:
     """Brightness of lobes along their tangent, in bins of the half vector's length."""
-    parts: list[NDArray[np.float64]] = []
-
-    def add(views: Views, rows: slice) -> None:
-        part = np.zeros((2, _PROFILE_BINS))
-        length, gain = views.half.length.astype(np.float32), views.half.gain.astype(np.float32)
-        add_profile(views.brightness, views.azimuth, views.width, length, gain, found[:, rows], _PROFILE_STEP, part)
-        parts.append(part)
-
-    over_blocks(photos, tiles, placed, add)
-    bright, weight = np.sum(parts, axis=0)
+    bright, weight = np.sum([parts[first] for first in sorted(parts)], axis=0)
     return np.asarray(bright / np.maximum(weight, 1e-30))
 
 
@@ -252,7 +258,7 @@ def _figures(mask: NDArray[np.bool_], found: NDArray[np.float32]) -> dict[str, f
 
 
 def _next_light(
-    photos: FlashPhotographs, tiles: Tiles, placed: Bench, mask: NDArray[np.bool_], found: NDArray[np.float32]
+    photos: FlashPhotographs, tiles: Tiles, placed: Bench, mask: NDArray[np.bool_], profile: Float64Array
 ) -> tuple[tuple[float, float, float], float] | None:
     """Where a light shows most of the directions that the unknown pixels may have, and how many percent of them."""
     row, column = np.nonzero(~mask)
@@ -262,7 +268,6 @@ def _next_light(
     rows, columns = photos.valid.shape[1:]
     x = (on_sheet[:, 0] / on_sheet[:, 2] - (columns - 1) / 2) * tiles.pixel_mm
     y = ((rows - 1) / 2 - on_sheet[:, 1] / on_sheet[:, 2]) * tiles.pixel_mm
-    profile = _profile(photos, tiles, placed, found)
     bright = np.flatnonzero(profile > _LIT * profile.max())
     lit = float(bright[0]) * _PROFILE_STEP, float(bright[-1] + 1) * _PROFILE_STEP
     width = 2 * spread_at_highlight(placed, tiles.pixel_mm) / float(np.mean(lit))
