@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.data.flash import FlashPhotographs, Tiles
 from pipeline.data.flash_maps import Highlights
 from pipeline.errors import InputError
-from pipeline.optics.flash.lobes import HalfVectors, half_vectors, light_above, lobe_variance
+from pipeline.optics.flash.lobes import HalfVectors, half_vectors, light_above, light_variance, point_variance
 from pipeline.parallel import over_rows
 
 Float32Array = NDArray[np.float32]
@@ -93,7 +93,12 @@ class Views:
     @cached_property
     def spread(self) -> Float64Array:
         """Standard deviation of a lobe across the tangent, in half vectors."""
-        return np.sqrt(_variance(self.half, self.placed, self.pixel_mm))
+        return np.sqrt(self.rest + light_variance(self.half, self.placed.light_sigma_mm))
+
+    @cached_property
+    def rest(self) -> Float64Array:
+        """Its variance for a light without extent."""
+        return _rest(self.half, self.placed, self.pixel_mm)
 
     @cached_property
     def length(self) -> Float32Array:
@@ -102,8 +107,8 @@ class Views:
 
     @cached_property
     def gain(self) -> Float32Array:
-        """What geometry makes of an order's share of the light."""
-        return self.half.gain.astype(np.float32)
+        """What geometry makes of an order's share of the light; a lobe that is wider is less bright."""
+        return (self.half.gain / self.spread).astype(np.float32)
 
     @cached_property
     def azimuth(self) -> Float32Array:
@@ -206,14 +211,8 @@ def _readable(brightness: Float32Array, valid: NDArray[np.bool_]) -> NDArray[np.
     return np.asarray(valid & ~(lit & (brightness < _LEAK * around)), np.uint8)
 
 
-def _variance(half: HalfVectors, placed: Bench, pixel_mm: float) -> Float64Array:
-    return lobe_variance(
-        half,
-        light_sigma_mm=placed.light_sigma_mm,
-        coherence_um=placed.coherence_um,
-        wavelength_um=placed.wavelength_um,
-        pixel_mm=pixel_mm,
-    )
+def _rest(half: HalfVectors, placed: Bench, pixel_mm: float) -> Float64Array:
+    return point_variance(half, coherence_um=placed.coherence_um, wavelength_um=placed.wavelength_um, pixel_mm=pixel_mm)
 
 
 def spread_at_highlight(placed: Bench, pixel_mm: float) -> float:
@@ -226,7 +225,7 @@ def _highlight(placed: Bench, index: int, pixel_mm: float) -> tuple[float, float
     half = half_vectors(
         placed.highlight_mm[index, 0], placed.highlight_mm[index, 1], placed.light_mm[index], placed.eye_mm
     )
-    spread = float(np.sqrt(_variance(half, placed, pixel_mm)))
+    spread = float(np.sqrt(_rest(half, placed, pixel_mm) + light_variance(half, placed.light_sigma_mm)))
     return spread, spread / float(1 / half.light_mm + 1 / half.eye_mm)
 
 

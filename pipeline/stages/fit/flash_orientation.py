@@ -216,8 +216,7 @@ def _fit_lobes(
         profile[profile < _DARK * profile.max()] = 0
 
         def improve(views: Views, rows: slice, profile: Float64Array = profile) -> None:
-            seen = views.brightness, views.azimuth, views.width, views.length, views.gain
-            by_lobe(*seen, profile, _PROFILE_STEP, found[:, rows])
+            by_lobe(*_lobe_views(views), profile, _PROFILE_STEP, found[:, rows])
             parts[rows.start] = _along_tangents(views, found[:, rows])
 
         over_blocks(photos, tiles, placed, improve)
@@ -226,7 +225,7 @@ def _fit_lobes(
 def _along_tangents(views: Views, found: NDArray[np.float32]) -> Float64Array:
     """What some rows add to the brightness of lobes along their tangent, shape (2, K)."""
     part = np.zeros((2, _PROFILE_BINS))
-    add_profile(views.brightness, views.azimuth, views.width, views.length, views.gain, found, _PROFILE_STEP, part)
+    add_profile(*_lobe_views(views), found, _PROFILE_STEP, part)
     return part
 
 
@@ -234,6 +233,11 @@ def _profile(parts: dict[int, Float64Array]) -> Float64Array:
     """Brightness of lobes along their tangent, in bins of the half vector's length."""
     bright, weight = np.sum([parts[first] for first in sorted(parts)], axis=0)
     return np.asarray(bright / np.maximum(weight, 1e-30))
+
+
+def _lobe_views(views: Views) -> tuple[NDArray[np.float32], ...]:
+    """Brightness, direction, width, half vector and gain of each view."""
+    return views.brightness, views.azimuth, views.width, views.length, views.gain
 
 
 def _turn_within(tangent: NDArray[np.float32], tiles: Tiles) -> NDArray[np.float32]:
