@@ -18,6 +18,9 @@ Float32Array = NDArray[np.float32]
 TANGENT, ERROR, BRIGHTNESS, AGREEMENT = range(4)
 """Rows of what is found: radians in [0, pi), standard error, brightest view, and how far the views agree, 0 to 1."""
 
+FEW = 8
+"""Views of a pixel, below which they do not tell by themselves how bright it is where it is dark."""
+
 _REACH = 2.0
 _STEPS = 61
 _FAR = 16.0
@@ -35,13 +38,13 @@ def _apart(left: float, right: float) -> float:
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def by_threshold(
-    brightness: Any, azimuth: Any, width: Any, peak: float, floor: float, ratio: float, found: Any
+    brightness: Any, azimuth: Any, width: Any, peak: float, usual: float, floor: float, ratio: float, found: Any
 ) -> None:
     """Fill ``found`` (4, M, N) from the views above the first level that any view of the pixel passes.
 
     Levels go down from ``peak`` by ``ratio`` a step. The tangent is the axial mean of the directions of those views,
     weighted by brightness; where they disagree by more than lobes are wide, that of the brighter ones. A pixel none of
-    whose views rises ``floor`` above their median is not known.
+    whose views rises ``floor`` above their median, or ``usual`` where they are fewer than ``FEW``, is not known.
 
     Parameters
     ----------
@@ -63,7 +66,7 @@ def by_threshold(
                     count += 1
                     most = max(most, b)
             found[BRIGHTNESS, row, column] = most if count else np.nan
-            ground = np.median(values[:count]) if count >= 8 else np.float32(0)
+            ground = np.median(values[:count]) if count >= FEW else np.float32(usual)
             if not count or most - ground < floor:
                 continue
             level = min(peak * ratio ** np.ceil(np.log(most / peak) / np.log(ratio)), most)

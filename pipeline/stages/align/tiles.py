@@ -120,7 +120,8 @@ def tiles(
         found["residual_px"],
     )
     seen = np.stack([cut(feature, homography, tile_shape) for homography in chosen])
-    mean = np.nanmean(seen, axis=0)
+    known = np.isfinite(seen).sum(axis=0)
+    mean = np.where(known, np.nansum(seen, axis=0) / np.maximum(known, 1), np.nan).astype(np.float32)
     return Tiles(chosen, tile_shape, reference, moved, residual, correlation, pitch, mean, found)
 
 

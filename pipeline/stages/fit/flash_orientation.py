@@ -16,7 +16,16 @@ from pipeline.errors import InputError
 from pipeline.limits import above_zero, at_least, refuse, within, zero_or_more
 from pipeline.optics.flash.lobes import half_vectors
 from pipeline.optics.flash.next_light import BINS, directions_seen
-from pipeline.optics.flash.orientations import AGREEMENT, BRIGHTNESS, ERROR, TANGENT, add_profile, by_lobe, by_threshold
+from pipeline.optics.flash.orientations import (
+    AGREEMENT,
+    BRIGHTNESS,
+    ERROR,
+    FEW,
+    TANGENT,
+    add_profile,
+    by_lobe,
+    by_threshold,
+)
 from pipeline.stages.fit._tile_views import Bench, Views, bench, over_blocks, spread_at_highlight
 
 Float64Array = NDArray[np.float64]
@@ -38,6 +47,8 @@ _NOISE = 6.0
 _PROFILE_STEP, _PROFILE_BINS = 0.01, 160
 _DARK, _LIT = 0.02, 0.2
 """Of the brightest half vectors: below which lobes are not fitted, and above which a flash is said to show them."""
+_EVERY = 8
+"""Columns of which one tells how bright views usually are."""
 _ROUNDS = 2
 _TRIED = 400
 """Unknown pixels for which the next light is chosen."""
@@ -85,7 +96,8 @@ def flash_orientation(
         In which the threshold is lowered through two decades.
     floor : float, optional
         Brightness, relative to the brightest pixels, that a view has to rise above the other views of its pixel; by
-        default six times the scatter of what is dark, at least a hundredth.
+        default six times the scatter of what is dark, at least a hundredth. Of fewer than eight views, the other
+        pixels tell what is dark.
     keep_off : float
         Standard deviations of the highlight within which no pixel is read.
     light_distance_mm, camera_distance_mm : float, optional
@@ -143,7 +155,7 @@ def flash_orientation(
         coherence_um=coherence_um,
         keep_off=keep_off,
     )
-    peak, dark = _levels(photos, tiles, placed)
+    peak, usual, dark = _levels(photos, tiles, placed)
     least = floor * peak if floor is not None else max(_NOISE * dark, peak / _RANGE)
     found = np.full((4, *tiles.shape), np.nan, np.float32)
     ratio = _RANGE ** (-1 / steps)
@@ -151,7 +163,7 @@ def flash_orientation(
     parts: dict[int, Float64Array] = {}
 
     def threshold(views: Views, rows: slice) -> None:
-        by_threshold(views.brightness, views.azimuth, views.width, peak, least, ratio, found[:, rows])
+        by_threshold(views.brightness, views.azimuth, views.width, peak, usual, least, ratio, found[:, rows])
         parts[rows.start] = _along_tangents(views, found[:, rows])
 
     over_blocks(photos, tiles, placed, threshold)
@@ -192,19 +204,26 @@ def flash_orientation(
     )
 
 
-def _levels(photos: FlashPhotographs, tiles: Tiles, placed: Bench) -> tuple[float, float]:
-    """Brightness of the brightest pixels outside highlights, and the scatter of what is dark."""
+def _levels(photos: FlashPhotographs, tiles: Tiles, placed: Bench) -> tuple[float, float, float]:
+    """Brightness of the brightest pixels outside highlights, of views as most are, and the scatter of what is dark."""
     brightest = np.zeros(tiles.shape, np.float32)
     darkest = np.zeros(tiles.shape, np.float32)
+    some: dict[int, NDArray[np.float32]] = {}
 
     def read(views: Views, rows: slice) -> None:
         known = np.nan_to_num(views.brightness, nan=-1.0)
         brightest[rows] = known.max(axis=0)
         lower = np.sort(np.where(known < 0, np.inf, known), axis=0)[: max(len(known) // 4, 1)]
         darkest[rows] = np.where(np.isfinite(lower), lower, 0).std(axis=0)
+        some[rows.start] = known[..., ::_EVERY].ravel()
 
     over_blocks(photos, tiles, placed, read)
-    return float(np.percentile(brightest, 99.5)), float(np.median(darkest)) if len(photos.radiance) else 0.0
+    seen = np.concatenate(list(some.values()))
+    seen = seen[seen >= 0]
+    usual = float(np.median(seen)) if seen.size else 0.0
+    few = len(photos.radiance) * len(tiles.homographies) < FEW
+    dark = 1.4826 * np.median(np.abs(seen - usual)) if few and seen.size else np.median(darkest)
+    return float(np.percentile(brightest, 99.5)), usual, float(dark)
 
 
 def _fit_lobes(
