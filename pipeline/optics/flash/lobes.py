@@ -9,6 +9,7 @@ not small, a coherence window that is not wide, a filter's band and a pixel's ar
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,8 @@ from pipeline.optics.gratings import window_spread
 Float64Array = NDArray[np.float64]
 FWHM = float(2 * np.sqrt(2 * np.log(2)))
 """Full width at half maximum of a Gaussian in units of its standard deviation."""
+_UPRIGHT = 1e-9
+"""Length of a half vector that has no direction: in the highlight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,7 @@ class HalfVectors:
     light_x: Float64Array
     light_y: Float64Array
 
-    @property
+    @cached_property
     def length(self) -> Float64Array:
         """Of the part in the plane."""
         return np.hypot(self.x, self.y)
@@ -55,6 +58,13 @@ class HalfVectors:
     def azimuth_rad(self) -> Float64Array:
         """Direction of the part in the plane: that of the tangents which diffract here."""
         return np.arctan2(self.y, self.x)
+
+    def light_along(self, x: Float64Array, y: Float64Array) -> Float64Array:
+        """Half vectors that a millimetre of the light's extent is along a unit vector (x, y) of the plane.
+
+        It is foreshortened where the light stands aslant in that direction.
+        """
+        return np.asarray(np.sqrt(1 - (self.light_x * x + self.light_y * y) ** 2) / self.light_mm)
 
 
 def half_vectors(x_mm: ArrayLike, y_mm: ArrayLike, light_mm: Float64Array, eye_mm: Float64Array) -> HalfVectors:
@@ -65,7 +75,7 @@ def half_vectors(x_mm: ArrayLike, y_mm: ArrayLike, light_mm: Float64Array, eye_m
     x_mm, y_mm : array_like
         The points.
     light_mm, eye_mm : ndarray of shape (3,)
-        Places of light and camera.
+        Places of light and camera; several lights as (3, L, 1, ...), before the points' axes.
     """
     x, y = np.asarray(x_mm, np.float64), np.asarray(y_mm, np.float64)
     (lx, ly, lz), (cx, cy, cz) = light_mm, eye_mm
@@ -94,13 +104,16 @@ def light_above(highlight_mm: ArrayLike, light_height_mm: ArrayLike, eye_mm: Arr
     return np.concatenate([beyond, height], axis=-1)
 
 
-def lobe_variance(
-    half: HalfVectors, *, light_sigma_mm: float, coherence_um: float, wavelength_um: float, pixel_mm: float
-) -> Float64Array:
-    """Variance of a lobe across the tangent, in half vectors: light, coherence window and pixel."""
-    light = light_sigma_mm / half.light_mm
+def point_variance(half: HalfVectors, *, coherence_um: float, wavelength_um: float, pixel_mm: float) -> Float64Array:
+    """Variance of a lobe of a light without extent, in half vectors: coherence window and pixel."""
     pixel = pixel_mm * (1 / half.light_mm + 1 / half.eye_mm)
-    return np.asarray(light**2 + window_spread(wavelength_um, coherence_um) ** 2 + pixel**2 / 12)
+    return np.asarray(window_spread(wavelength_um, coherence_um) ** 2 + pixel**2 / 12)
+
+
+def light_variance(half: HalfVectors, light_sigma_mm: float) -> Float64Array:
+    """What the light's extent adds to it across the tangents that diffract here."""
+    length = np.maximum(half.length, _UPRIGHT)
+    return np.asarray((light_sigma_mm * half.light_along(-half.y / length, half.x / length)) ** 2)
 
 
 def light_sigma(spread: float, *, light_mm: float, coherence_um: float, wavelength_um: float) -> float:
