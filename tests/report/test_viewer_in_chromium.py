@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from test_viewer import LIGHT, lit_run
 
+from pipeline.data.gratings import PeriodMap
 from pipeline.devices.virtual_light import Lighting
 from pipeline.devices.virtual_sheet import Sampling, Sheet, render_sheet
 from pipeline.optics.colour import encode_srgb
@@ -125,6 +127,34 @@ def test_it_draws_what_python_draws(shown: Any, tmp_path: Path, method: str) -> 
         away = np.abs(found[..., :3].astype(int) - levels)[inside].max(axis=-1)
         # A pixel in whose middle two points of the maps meet may show either.
         assert np.mean(away > LEVELS[method]) < 1e-3
+
+
+def test_another_pair_of_maps_is_drawn_under_the_same_light(browser: Any, tmp_path: Path) -> None:
+    run = lit_run(tmp_path)
+    coarse = run.values["period"]
+    finer = PeriodMap(0.9 * coarse.period_um, coarse.mask, coarse.pixel_mm)
+    node = replace(run.nodes["torch"], name="again", inputs={"orientation": ("fit",), "period": ("finer",)})
+    both = run.with_node(replace(run.nodes["period"], name="finer"), finer).with_node(node)
+    file = tmp_path / "report.html"
+    file.write_text(page(both), encoding="utf-8")
+    tab = browser.new_page(viewport={"width": 560, "height": 700})
+    tab.goto(file.as_uri())
+    tab.wait_for_selector("figure.viewer.live", timeout=20_000)
+    first = picture(tab)
+    tab.locator("select[name=maps]").select_option("fit, finer")
+    tab.wait_for_function("() => document.querySelector('.whose').textContent.includes('lit as for again')")
+    found, levels = (
+        picture(tab),
+        expected(tab, replace(run, values={**run.values, "period": finer}), LIGHT["light_sigma_mm"]),
+    )
+    tab.locator("select[name=maps]").select_option("fit, period")
+    tab.wait_for_function("() => document.querySelector('.whose').textContent.includes('lit as for torch')")
+    assert np.array_equal(picture(tab), first)
+    tab.close()
+    inside = found[..., 3] == 255
+    away = np.abs(found[..., :3].astype(int) - levels)[inside].max(axis=-1)
+    assert np.mean(away > LEVELS["table"]) < 1e-3
+    assert np.abs(found[..., :3].astype(int) - first[..., :3]).max() > 20
 
 
 def test_sliders_change_the_picture_and_reset_takes_it_back(shown: Any) -> None:
