@@ -182,7 +182,8 @@ class _Reader:
                 if isinstance(segment, svgelements.Line | svgelements.Close):
                     corners = [(end.x, end.y) for end in (segment.start, segment.end)]
                 else:
-                    length = float(segment.length(error=1e-3)) * scale
+                    chords = np.diff(segment.npoint(np.linspace(0, 1, 65)), axis=0)
+                    length = float(np.hypot(*chords.T).sum()) * scale
                     pieces = int(np.clip(np.ceil(length / self.step_mm), 8, 4096))
                     corners = segment.npoint(np.linspace(0, 1, pieces + 1)).tolist()
                 points += corners
