@@ -180,12 +180,13 @@ class _Reader:
                 if isinstance(segment, svgelements.Move) or segment.start is None or segment.end is None:
                     continue
                 if isinstance(segment, svgelements.Line | svgelements.Close):
-                    corners = [segment.start, segment.end]
+                    corners = [(end.x, end.y) for end in (segment.start, segment.end)]
                 else:
-                    length = float(segment.length(error=1e-3)) * scale
+                    chords = np.diff(segment.npoint(np.linspace(0, 1, 65)), axis=0)
+                    length = float(np.hypot(*chords.T).sum()) * scale
                     pieces = int(np.clip(np.ceil(length / self.step_mm), 8, 4096))
-                    corners = [segment.point(t) for t in np.linspace(0, 1, pieces + 1)]
-                points += [(corner.x, corner.y) for corner in corners]
+                    corners = segment.npoint(np.linspace(0, 1, pieces + 1)).tolist()
+                points += corners
             if len(points) > 1:
                 x, y = np.array(points, np.float64).T
                 right = placed.a * x + placed.c * y + placed.e - self.middle[0]
