@@ -63,13 +63,16 @@ class DeviceError(PipelineError):
     """A device failed; names the device and the cause."""
 
 
+def closest(name: str, names: Iterable[str]) -> str:
+    """A hint that names the closest of ``names``, empty when none is close."""
+    close = difflib.get_close_matches(name, sorted(names), n=1, cutoff=0.55)
+    return f"did you mean '{close[0]}'?" if close else ""
+
+
 def nearest(name: str, names: Iterable[str]) -> str:
     """A hint that names the closest of ``names``, or lists them when none is close."""
     candidates = sorted(names)
-    close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean '{close[0]}'?"
     if not candidates:
         return ""
     shown = ", ".join(candidates[:12]) + (", ..." if len(candidates) > 12 else "")
-    return f"there is: {shown}"
+    return closest(name, candidates) or f"there is: {shown}"

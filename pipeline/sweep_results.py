@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.graph.studies import Maps, Tradeoff
+from pipeline.graph.studies import Maps, Tradeoff, seconds_of
 from pipeline.report.pareto import pareto_front
 from pipeline.runs import Run
 
@@ -58,9 +58,9 @@ class Sweep:
     seconds : float
         Wall time of all.
     tradeoff : Tradeoff or None
-        Which error is charted against which node's seconds.
+        Which errors are charted against which nodes' seconds.
     timed : dict of str to float
-        Least seconds of that node's recipes, by key.
+        Least seconds of those nodes' recipes, by key.
     maps : Maps or None
         Which figures are drawn as maps over two settings.
     """
@@ -119,18 +119,24 @@ class Sweep:
         ]
 
     def _places(self) -> list[dict[str, Any]]:
-        """Seconds of the timed node, and whether the point is on the front of those with which it competes."""
+        """Seconds of the timed nodes, and whether the point is on the fronts of those with which it competes."""
         assert self.tradeoff is not None
         wanted = self.tradeoff
-        seconds = [self.timed.get(point.run.nodes[wanted.node].key) for point in self.points]
-        places: list[dict[str, Any]] = [{wanted.seconds: value, "pareto": None} for value in seconds]
-        panels: dict[tuple[str, ...], list[tuple[int, float, float]]] = {}
-        for index, (point, value) in enumerate(zip(self.points, seconds, strict=True)):
-            error = point.run.metrics.get(wanted.error)
-            if value is not None and error is not None:
-                panel = tuple(point.settings[name] for name in wanted.panels)
-                panels.setdefault(panel, []).append((index, value, error))
-        for known in panels.values():
-            for (index, *_), best in zip(known, pareto_front([(v, e) for _, v, e in known]), strict=True):
-                places[index]["pareto"] = "yes" if best else "no"
+        places: list[dict[str, Any]] = []
+        for point in self.points:
+            seconds = {name: self.timed.get(point.run.nodes[name].key) for name in wanted.nodes}
+            known = [value for value in seconds.values() if value is not None]
+            total = sum(known) if len(known) == len(seconds) else None
+            each = {seconds_of(name): value for name, value in seconds.items()}
+            places.append({**each, wanted.seconds: total, **{wanted.pareto(error): None for error in wanted.errors}})
+        for error in wanted.errors:
+            panels: dict[tuple[str, ...], list[tuple[int, float, float]]] = {}
+            for index, (point, place) in enumerate(zip(self.points, places, strict=True)):
+                seconds_here, value = place[wanted.seconds], point.run.metrics.get(error)
+                if seconds_here is not None and value is not None:
+                    panel = tuple(point.settings[name] for name in wanted.panels)
+                    panels.setdefault(panel, []).append((index, seconds_here, value))
+            for here in panels.values():
+                for (index, *_), best in zip(here, pareto_front([(s, v) for _, s, v in here]), strict=True):
+                    places[index][wanted.pareto(error)] = "yes" if best else "no"
         return places

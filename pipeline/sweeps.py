@@ -218,18 +218,19 @@ class _Batches:
         return runs
 
     def time(self) -> None:
-        """Carry out each recipe of the trade-off's node again, alone, and keep the seconds."""
+        """Carry out each recipe of the trade-off's nodes again, alone, and keep the seconds."""
         wanted = self.sweep.tradeoff
         if wanted is None:
             return
         recipes: dict[str, tuple[Node, dict[str, str]]] = {}
         for experiment, point in zip(self.experiments, self.sweep.points, strict=True):
-            can_run = point.run.has(wanted.node) and wanted.node not in experiment.taken
-            if can_run and wanted.error in point.run.metrics:
-                node = experiment.graph.nodes[wanted.node]
+            can_run = all(point.run.has(name) and name not in experiment.taken for name in wanted.nodes)
+            if not can_run or not any(error in point.run.metrics for error in wanted.errors):
+                continue
+            for node in (experiment.graph.nodes[name] for name in wanted.nodes):
                 artifacts = {name: point.run.nodes[name].artifact for name in node.upstream()}
-                recipes.setdefault(point.run.nodes[wanted.node].key, (node, artifacts))
-        name = f"timing {wanted.node}"
+                recipes.setdefault(point.run.nodes[node.name].key, (node, artifacts))
+        name = f"timing {wanted.timed}"
         self.log(f"{name}: {len(recipes)} recipes, each alone and {wanted.repeats} times after one that does not count")
         self.listener.started(name)
         with self.experiments[0].store.in_use():

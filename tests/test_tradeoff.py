@@ -87,6 +87,29 @@ def test_the_table_says_which_points_nothing_beats(toys: Toys, monkeypatch: pyte
     assert [row["pareto"] for row in apart.table()] == ["yes", "yes", "yes"]
 
 
+def test_seconds_of_several_nodes_are_added_and_each_error_has_a_front(
+    toys: Toys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times = {"raw": lambda _: 0.5, "big": lambda settings: 0.1 * (4 - settings["factor"])}
+    monkeypatch.setattr("pipeline.sweeps.least_seconds", lambda node, *_: times[node.name](node.settings))
+    done = swept(
+        toys,
+        "graph.big.factor=2,3",
+        "graph.cut.most=100",
+        "tradeoff.node=[raw,big]",
+        "tradeoff.error=[mean_0_um,mean_1_um]",
+    )
+    rows = done.table()
+    assert [(row["raw_seconds"], row["big_seconds"], row["timed_seconds"]) for row in rows] == [
+        (0.5, pytest.approx(0.2), pytest.approx(0.7)),
+        (0.5, pytest.approx(0.1), pytest.approx(0.6)),
+    ]
+    assert [[row["pareto_mean_0_um"], row["pareto_mean_1_um"]] for row in rows] == [["no", "yes"], ["yes", "yes"]]
+    page = (done.folder / "report.html").read_text()
+    assert "<code>raw</code> + <code>big</code>" in page
+    assert page.count("On the Pareto front of ") == 2
+
+
 def test_points_that_failed_are_left_out_and_said_to_be(toys: Toys) -> None:
     done = swept(toys, "graph.cut.stage=toy.clip,toy.fails", *ASKED)
     good, bad = done.table()
@@ -106,6 +129,8 @@ def test_points_that_failed_are_left_out_and_said_to_be(toys: Toys) -> None:
         (["tradeoff.repeat=3"], r"'tradeoff' has no 'repeat'[\s\S]*did you mean 'repeats'"),
         (["tradeoff.panels=graph.cut.mist"], r"'graph.cut.mist' is not swept[\s\S]*did you mean 'graph.cut.most'"),
         (["tradeoff.panels=[graph.cut.most,graph.big.factor,graph.raw.size]"], r"panels names 3 settings[\s\S]*most 2"),
+        (["tradeoff.node=[big,bigg]"], r"there is no node 'bigg'[\s\S]*did you mean 'big'"),
+        (["tradeoff.error=[]"], r"error is empty[\s\S]*expected: error: str | list"),
         (["~tradeoff.error"], r"'tradeoff' does not say its 'error'"),
         (["tradeoff=fast"], r"'tradeoff' is 'fast'"),
         (["maps.rows=graph.cut.most"], r"does not say its 'columns'[\s\S]*does not say its 'metrics'"),

@@ -121,4 +121,5 @@ def _listing(files: dict[str, Path]) -> str:
         f'<tr><td><a href="/{quote(name)}">{html.escape(name)}</a></td><td>{path.stat().st_size / 1e6:.2f} MB</td></tr>'
         for name, path in files.items()
     )
-    return f'<!doctype html><meta charset="utf-8"><title>Files of the run</title><table>{rows}</table>'
+    head = '<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,"><title>Files of the run</title>'
+    return f"{head}<table>{rows}</table>"

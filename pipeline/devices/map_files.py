@@ -65,7 +65,12 @@ def read_map_file(path: Path, channel: str) -> MapFile:
     elif suffix in readable_suffixes() - RAW_SUFFIXES:
         found = grey_picture(path)
     else:
-        raise InputError(f"{path.name} is no map", where=str(path), expected="an .exr or .npy file, or a grey picture")
+        raise InputError(
+            f"{path.name} is no map",
+            where=str(path),
+            expected="an .exr or .npy file, or a grey picture",
+            hint="maps=vector draws shapes" if suffix == ".svg" else "",
+        )
     if found.values.ndim != 2 or not found.values.size:
         shape = " x ".join(map(str, found.values.shape))
         raise InputError(f"an array of {shape}", where=str(path), expected="rows and columns")

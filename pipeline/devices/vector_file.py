@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.devices.photo_files import readable_suffixes
 from pipeline.errors import InputError, InputErrors, nearest
 
 Float64Array = NDArray[np.float64]
@@ -28,6 +29,7 @@ _log = logging.getLogger(__name__)
 PIXELS_PER_MM = 96 / 25.4
 MOST_ELEMENTS = 200_000
 _LINK = "{http://www.w3.org/1999/xlink}href"
+PICTURES = "maps=picture, or simulate.picture_design, draws a picture"
 WORDS: tuple[Direction, ...] = ("along", "across", "radial")
 
 
@@ -92,7 +94,12 @@ def read_vector_file(path: Path, *, width_mm: float | None = None, step_mm: floa
             raise ValueError(f"its uses of other elements make {elements} of them, more than {MOST_ELEMENTS}")
         page = svgelements.SVG.parse(str(path), reify=False)
     except Exception as error:  # what is malformed fails in as many ways as there are attributes
-        raise InputError(f"{path.name} cannot be read: {error}", where=str(path), expected="an SVG file") from None
+        raise InputError(
+            f"{path.name} cannot be read: {error}",
+            where=str(path),
+            expected="an SVG file",
+            hint=PICTURES if path.suffix.lower() in readable_suffixes() else "",
+        ) from None
     if not isinstance(page, svgelements.SVG):
         raise InputError(f"{path.name} holds no <svg>", where=str(path), expected="an SVG file")
     width, height = float(page.width), float(page.height)
@@ -173,12 +180,13 @@ class _Reader:
                 if isinstance(segment, svgelements.Move) or segment.start is None or segment.end is None:
                     continue
                 if isinstance(segment, svgelements.Line | svgelements.Close):
-                    corners = [segment.start, segment.end]
+                    corners = [(end.x, end.y) for end in (segment.start, segment.end)]
                 else:
-                    length = float(segment.length(error=1e-3)) * scale
+                    chords = np.diff(segment.npoint(np.linspace(0, 1, 65)), axis=0)
+                    length = float(np.hypot(*chords.T).sum()) * scale
                     pieces = int(np.clip(np.ceil(length / self.step_mm), 8, 4096))
-                    corners = [segment.point(t) for t in np.linspace(0, 1, pieces + 1)]
-                points += [(corner.x, corner.y) for corner in corners]
+                    corners = segment.npoint(np.linspace(0, 1, pieces + 1)).tolist()
+                points += corners
             if len(points) > 1:
                 x, y = np.array(points, np.float64).T
                 right = placed.a * x + placed.c * y + placed.e - self.middle[0]

@@ -215,12 +215,17 @@ def warn_of_aliasing(period_um: NDArray[np.floating], lighting: Lighting) -> Non
     foreshortened = float((lighting.lights_mm[:, 2] / distance**2).min())
     window = float(window_spread(_SHORT_WAVE_UM, lighting.coherence_um))
     spread = float(np.hypot(window, lighting.light_sigma_mm * foreshortened))
-    error = aliasing(lighting.wavelength_step_nm, float(np.nanmin(period_um)), spread)
+    step, shortest = lighting.wavelength_step_nm, float(np.nanmin(period_um))
+    error = aliasing(step, shortest, spread)
     if error > _TOLERATED_ALIASING:
+        while aliasing(step, shortest, spread) > _TOLERATED_ALIASING:
+            step /= 2
         log.warning(
-            "wavelength_step_nm %g is too coarse for lobes this narrow: colours may be wrong by %.0f percent",
+            "wavelength_step_nm %g is too coarse for lobes this narrow: colours may be wrong by %.0f percent; %g is "
+            "fine enough",
             lighting.wavelength_step_nm,
             100 * error,
+            max(step, WAVELENGTH_STEPS_NM[0]),
         )
 
 

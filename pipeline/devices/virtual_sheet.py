@@ -111,12 +111,13 @@ def automatic_sampling(
     most = min(_MOST_CHOSEN, max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01))))
     if samples is None and most > 1 and np.isfinite(sheet.period_um).any():
         samples, left = _enough_samples(sheet, view, lighting, most, tolerance)
-        tell = _log.info if left <= tolerance else _log.warning
-        tell(
-            "Each pixel is the mean of %d x %d points; twice as many a side change what is shown by %.2g percent.",
+        enough = left <= tolerance
+        (_log.info if enough else _log.warning)(
+            "Each pixel is the mean of %d x %d points; twice as many a side change what is shown by %.2g percent%s.",
             samples,
             samples,
             100 * left,
+            "" if enough else f": samples={2 * samples} averages those, and takes four times as long",
         )
     samples = samples or 1
     part = _pixel_part(sheet, view, lighting, samples, tolerance)
@@ -174,7 +175,8 @@ def automatic_samples(sheet: Sheet, view: View, samples: int | None) -> int:
         samples = min(wanted, MOST_SAMPLES)
         if wanted > samples:
             _log.warning(
-                "A pixel shows %d points of the maps along a side, and %d are looked at: fine patterns may be grainy",
+                "A pixel shows %d points of the maps along a side, and %d are looked at: fine patterns may be grainy; "
+                "a larger size_px shows fewer in a pixel",
                 wanted,
                 samples,
             )
@@ -275,7 +277,7 @@ def _chosen(
         warn_of_aliasing(sheet.period_um, lighting)
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     else:
-        _log.warning("Colours looked up in a table of %s differ %s.", table, told)
+        _log.warning("Colours looked up in a table of %s differ %s; evaluator=spectral sums them.", table, told)
     return lambda seen: _looked_up(sheet, seen, lighting, sampling.pixel_part, table)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import InputError, nearest
+from pipeline.errors import InputError, closest
 
 _SCALARS = {"int", "float", "bool", "str", "Path", "None", "object", "Any"}
 
@@ -143,7 +143,7 @@ def check_setting(value: Any, annotation: Annotation, name: str) -> Any:
         return {str(k): check_setting(v, annotation.items[0], f"{name}.{k}") for k, v in value.items()}
     hint = ""
     if kind == "literal" and isinstance(value, str):
-        hint = nearest(value, (str(choice) for choice in annotation.choices))
+        hint = closest(value, (str(choice) for choice in annotation.choices))
     if kind == "list" and isinstance(value, bool | int | float | str):
         hint = f"did you mean [{value}]?"
     raise InputError(f"{name} is {_shown(value)}", expected=str(annotation), hint=hint)

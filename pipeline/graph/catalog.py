@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -54,6 +55,12 @@ class Entry:
     def summary(self) -> str:
         """First line of the manual."""
         return self.signature.doc.split("\n", 1)[0]
+
+    def entries(self, parameter: str) -> list[str]:
+        """What the manual says that a list holds, such as columns and rows; empty where it does not."""
+        line = rf"^ *(?:\w+, )*{parameter}(?:, \w+)* : \[([\w, ]+)\](?:, optional)?$"
+        found = re.search(line, self.signature.doc, re.MULTILINE)
+        return found[1].split(", ") if found else []
 
     def _parsed(self, *, keyword_only: bool) -> dict[str, tuple[Parameter, Annotation]]:
         found = {}

@@ -191,7 +191,7 @@ class _Builder:
                 )
                 continue
             try:
-                settings[key] = self._setting(written.get(key, parameter.default), annotation, place)
+                settings[key] = self._setting(written.get(key, parameter.default), annotation, place, entry)
             except InputError as error:
                 problems.append(error)
             except InputErrors as several:
@@ -219,7 +219,7 @@ class _Builder:
             return tuple(value)
         raise self._error(f"the input '{key}' is {value!r}", path, expected="the name of a node")
 
-    def _setting(self, value: Any, annotation: Annotation, path: str) -> Any:
+    def _setting(self, value: Any, annotation: Annotation, path: str, entry: Entry) -> Any:
         name = path.rpartition(".")[2]
         if isinstance(value, str) and value == "???":
             place = self.configuration.followed(path)
@@ -236,7 +236,7 @@ class _Builder:
         try:
             return check_setting(value, annotation, name)
         except InputError as error:
-            raise error.at(self.configuration.where(path)) from None
+            raise _with_manual(error, value, entry, name).at(self.configuration.where(path)) from None
 
     def _device(self, value: Any, annotation: Annotation, path: str) -> DeviceRecipe:
         if not isinstance(value, dict) or "device" not in value:
@@ -268,7 +268,7 @@ class _Builder:
                 problems.append(self._error(f"{entry.name} needs the setting '{key}'", path, expected=f"{key}: {kind}"))
                 continue
             try:
-                settings[key] = self._setting(value.get(key, parameter.default), kind, f"{path}.{key}")
+                settings[key] = self._setting(value.get(key, parameter.default), kind, f"{path}.{key}", entry)
             except InputError as error:
                 problems.append(error)
             except InputErrors as several:
@@ -348,3 +348,15 @@ class _Builder:
                 )
             )
             return []
+
+
+def _with_manual(error: InputError, value: Any, entry: Entry, name: str) -> InputError:
+    """A wrong setting's error with what the manual of its stage or device says of it."""
+    expected, hint = error.expected, error.hint
+    if held := entry.entries(name):
+        expected = f"[{', '.join(held)}], {expected}"
+        if not isinstance(value, list):
+            hint = f"for example {[value] * len(held)}" if type(value) is int and "int" in error.expected else ""
+    elif not hint:
+        hint = f"python -m pipeline show {entry.name} says what it is"
+    return InputError(error.what, where=error.where, expected=expected, hint=hint)

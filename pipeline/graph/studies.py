@@ -17,29 +17,38 @@ MOST_PANEL_SETTINGS = 2
 
 @dataclass(frozen=True)
 class Tradeoff:
-    """Error against the seconds that one node takes.
+    """Errors against the seconds that a node takes, or several one after the other.
 
     Attributes
     ----------
-    error : str
-        The figure of merit, smaller is better.
-    node : str
-        The node that is timed.
+    errors : tuple of str
+        Figures of merit, smaller is better; each has a chart and a Pareto front of its own.
+    nodes : tuple of str
+        What is timed; the seconds of several are added.
     repeats : int
         How often each recipe is timed, after one time that does not count.
     panels : tuple of str
         Up to two swept settings; points compete only where these are equal.
     """
 
-    error: str
-    node: str
+    errors: tuple[str, ...]
+    nodes: tuple[str, ...]
     repeats: int = 3
     panels: tuple[str, ...] = ()
 
     @property
     def seconds(self) -> str:
-        """Name of the column with the node's seconds."""
-        return f"{self.node}_seconds"
+        """Name of the column with the seconds that are charted."""
+        return seconds_of(self.nodes[0]) if len(self.nodes) == 1 else "timed_seconds"
+
+    @property
+    def timed(self) -> str:
+        """What is timed, in words."""
+        return self.nodes[0] if len(self.nodes) == 1 else f"{self.nodes[0]} to {self.nodes[-1]}"
+
+    def pareto(self, error: str) -> str:
+        """Name of the column that says which points are on the front of an error."""
+        return "pareto" if len(self.errors) == 1 else f"pareto_{error}"
 
 
 @dataclass(frozen=True)
@@ -67,7 +76,7 @@ class Maps:
 
 
 KEYS = {
-    "tradeoff": {"error": "str", "node": "str", "repeats": "int", "panels": "str | list[str]"},
+    "tradeoff": {"error": "str | list[str]", "node": "str | list[str]", "repeats": "int", "panels": "str | list[str]"},
     "maps": {"rows": "str", "columns": "str", "metrics": "str | list[str]", "limit": "float | dict[str, float] | None"},
 }
 NEEDED = {"tradeoff": ("error", "node"), "maps": ("rows", "columns", "metrics")}
@@ -94,14 +103,21 @@ def tradeoff_of(configuration: Configuration, swept: Collection[str], graphs: It
     written = _section("tradeoff", configuration)
     if written is None:
         return None
-    wanted = Tradeoff(written["error"], written["node"], written.get("repeats", 3), _names(written.get("panels", [])))
+    errors, nodes, panels = (_names(written.get(key, [])) for key in ("error", "node", "panels"))
+    wanted = Tradeoff(errors, nodes, written.get("repeats", 3), panels)
     problems = _not_swept("tradeoff.panels", wanted.panels, swept, configuration)
+    problems += [
+        _error(configuration, f"tradeoff.{key}", f"{key} is empty", f"{key}: {_kind(KEYS['tradeoff'][key])}")
+        for key, names in (("error", errors), ("node", nodes))
+        if not names
+    ]
     if wanted.repeats < 1:
         problems.append(_error(configuration, "tradeoff.repeats", f"repeats is {wanted.repeats}", "at least 1"))
     if len(wanted.panels) > MOST_PANEL_SETTINGS:
         what = f"panels names {len(wanted.panels)} settings"
         problems.append(_error(configuration, "tradeoff.panels", what, f"at most {MOST_PANEL_SETTINGS}"))
-    problems += _untimeable(wanted.node, graphs, configuration)
+    every = list(graphs)
+    problems += [problem for name in nodes for problem in _untimeable(name, every, configuration)]
     if problems:
         raise InputErrors(problems)
     return wanted
@@ -140,7 +156,7 @@ def maps_of(configuration: Configuration, swept: Collection[str]) -> Maps | None
 
 def unknown_figures(tradeoff: Tradeoff | None, maps: Maps | None, known: Collection[str]) -> list[InputError]:
     """Figures that are asked for and that no point has; which there are is known only when points were computed."""
-    asked = [("tradeoff.error", tradeoff.error)] if tradeoff else []
+    asked = [("tradeoff.error", name) for name in tradeoff.errors] if tradeoff else []
     asked += [("maps.metrics", name) for name in maps.metrics] if maps else []
     asked += [("maps.limit", name) for name in maps.limit] if maps and isinstance(maps.limit, Mapping) else []
     return [
@@ -148,6 +164,11 @@ def unknown_figures(tradeoff: Tradeoff | None, maps: Maps | None, known: Collect
         for place, name in asked
         if name not in known
     ]
+
+
+def seconds_of(node: str) -> str:
+    """Name of the column with a node's seconds."""
+    return f"{node}_seconds"
 
 
 def _section(section: str, configuration: Configuration) -> Mapping[str, Any] | None:

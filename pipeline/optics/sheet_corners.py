@@ -12,6 +12,8 @@ Float64Array = NDArray[np.float64]
 LEAST_SHARE = 0.05
 """Of the photograph, that the sheet has to fill."""
 _PROFILES = 160
+_LONG = 0.9
+"""Of the outline, that four sides make up."""
 _REACHES_PX = (20.0, 8.0, 4.0)
 _STEP_PX = 0.25
 _WIDTH_PX = 2.0
@@ -59,7 +61,10 @@ def outlined_corners(grey: Float32Array) -> tuple[Float64Array, float]:
 
 
 def _quadrilateral(grey: Float32Array) -> Float64Array:
-    """Corners of the largest bright region's convex hull, to a pixel or two."""
+    """Where the four long sides of the largest bright region's convex hull meet, to a pixel or two.
+
+    A dark part of the pattern in a corner cuts it off, which is a short side more.
+    """
     top = float(np.percentile(grey, 99)) or 1.0
     levels = np.uint8(np.clip(grey / top, 0, 1) * 255)
     blurred = cv2.GaussianBlur(levels, (0, 0), 2.0)
@@ -71,10 +76,14 @@ def _quadrilateral(grey: Float32Array) -> Float64Array:
         raise ValueError("nothing that fills a good part of the photograph is brighter than what lies around it")
     hull = cv2.convexHull(outline)
     length = cv2.arcLength(hull, True)
-    for share in np.geomspace(0.005, 0.1, 24):
-        corners = cv2.approxPolyDP(hull, share * length, True)
-        if len(corners) == 4:
-            return ordered(corners[:, 0].astype(np.float64))
+    for share in np.geomspace(0.002, 0.1, 32):
+        corners = cv2.approxPolyDP(hull, share * length, True)[:, 0].astype(np.float64)
+        sides = np.roll(corners, -1, axis=0) - corners
+        lengths = np.hypot(*sides.T)
+        long = np.sort(np.argsort(lengths)[-4:])
+        if len(corners) >= 4 and lengths[long].sum() >= _LONG * lengths.sum():
+            lines = [(*sides[k], *corners[k]) for k in long]
+            return ordered(np.array([_crossing(lines[k - 1], lines[k]) for k in range(4)]))
     raise ValueError("the outline of the brightest region has no four corners")
 
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from pipeline.report.view import RunView
 
 
-FORMAT = 6
+FORMAT = 7
 """Counts up when the same value is drawn or written differently, so that older reports and files are made anew."""
 
 RECORD = ".written.json"

@@ -76,10 +76,16 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
 def _text(rows: Sequence[Mapping[str, Any]], sweep: SweepView) -> str:
     """The table for a terminal: settings, what is charted and a few figures more, place in the trade-off, seconds."""
     wanted = sweep.tradeoff
-    charted = [*([wanted.error] if wanted else []), *(sweep.maps.metrics if sweep.maps else ())]
+    charted = [*(wanted.errors if wanted else ()), *(sweep.maps.metrics if sweep.maps else ())]
     known = [name for name in charted if name in sweep.metrics]
     figures = list(dict.fromkeys([*known, *sweep.metrics]))[: max(FIGURES_OF_TEXT, len(known))]
-    columns = [*sweep.columns, *figures, *([wanted.seconds, "pareto"] if wanted else []), "seconds", "state"]
+    columns = [
+        *sweep.columns,
+        *figures,
+        *([wanted.seconds, *map(wanted.pareto, wanted.errors)] if wanted else []),
+        "seconds",
+        "state",
+    ]
     head = [short(name) if name in sweep.columns else name for name in columns]
     body = [[_cell(row[name]) for name in columns] for row in rows]
     widths = [max(len(line[i]) for line in [head, *body]) for i in range(len(columns))]
@@ -113,13 +119,17 @@ def _tradeoff(sweep: SweepView, rows: Sequence[Mapping[str, Any]]) -> dict[str, 
     wanted = sweep.tradeoff
     if wanted is None:
         return None
-    return {
-        "chart": tradeoff_chart(rows, sweep.swept, wanted),
-        "front": front(rows, wanted),
-        "missing": len(rows) - len(on_the_chart(rows)),
-        "error": figure_label(wanted.error),
-        "cores": cores(),
-    }
+    charts = [
+        {
+            "error": error,
+            "label": figure_label(error),
+            "chart": tradeoff_chart(rows, sweep.swept, wanted, error),
+            "front": front(rows, wanted, error),
+            "missing": len(rows) - len(on_the_chart(rows, wanted, error)),
+        }
+        for error in wanted.errors
+    ]
+    return {"charts": charts, "pareto": [wanted.pareto(error) for error in wanted.errors], "cores": cores()}
 
 
 def _maps(sweep: SweepView, rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tuple[str, str, Markup]]:

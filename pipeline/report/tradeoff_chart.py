@@ -30,27 +30,27 @@ SMALLEST, LARGEST = 14.0, 70.0
 """Areas of markers, in square points."""
 
 
-def on_the_chart(rows: Sequence[Row]) -> list[Row]:
+def on_the_chart(rows: Sequence[Row], tradeoff: Tradeoff, error: str) -> list[Row]:
     """The points that have both an error and a time."""
-    return [row for row in rows if row["pareto"] is not None]
+    return [row for row in rows if row[tradeoff.pareto(error)] is not None]
 
 
-def front(rows: Sequence[Row], tradeoff: Tradeoff) -> list[Row]:
+def front(rows: Sequence[Row], tradeoff: Tradeoff, error: str) -> list[Row]:
     """The points on the Pareto fronts, panel by panel, the fastest first."""
     order = combinations(rows, tradeoff.panels)
-    best = [row for row in on_the_chart(rows) if row["pareto"] == "yes"]
+    best = [row for row in on_the_chart(rows, tradeoff, error) if row[tradeoff.pareto(error)] == "yes"]
     return sorted(best, key=lambda row: (order.index(_panel(row, tradeoff)), row[tradeoff.seconds]))
 
 
-def tradeoff_chart(rows: Sequence[Row], swept: Sequence[str], tradeoff: Tradeoff) -> Markup:
-    """Draw error against seconds, a panel for each combination of the settings that ``tradeoff.panels`` names.
+def tradeoff_chart(rows: Sequence[Row], swept: Sequence[str], tradeoff: Tradeoff, error: str) -> Markup:
+    """Draw an error against seconds, a panel for each combination of the settings that ``tradeoff.panels`` names.
 
     Settings whose values are no numbers tell methods apart, by colour and shape; numbers stand beside the points, and
     the first of them makes the points larger. Where all settings are numbers the first of them tells methods apart.
     """
     from matplotlib.figure import Figure
 
-    known = on_the_chart(rows)
+    known = on_the_chart(rows, tradeoff, error)
     if not known:
         return Markup("")
     free = [name for name in swept if name not in tradeoff.panels]
@@ -66,13 +66,13 @@ def tradeoff_chart(rows: Sequence[Row], swept: Sequence[str], tradeoff: Tradeoff
         grid = figure.subplots(*shape, squeeze=False, sharex=True, sharey=alike)
         for axes, panel in _placed(grid, panels):
             here = [row for row in known if _panel(row, tradeoff) == panel]
-            _draw(axes, here, tradeoff, words, methods, counts, _areas(known, counts))
+            _draw(axes, here, tradeoff, error, words, methods, counts, _areas(known, counts))
             axes.set_title(named(tradeoff.panels, panel), fontsize=8)
-        _scale(grid, known, tradeoff)
+        _scale(grid, known, tradeoff.seconds, error)
         for axes in grid[-1]:
-            axes.set_xlabel(f"{tradeoff.node} (s)")
+            axes.set_xlabel(f"{tradeoff.timed} (s)")
         for axes in grid[:, 0]:
-            axes.set_ylabel(figure_label(tradeoff.error))
+            axes.set_ylabel(figure_label(error))
         _legend(figure, words, methods, counts)
         return as_svg(figure)
 
@@ -116,18 +116,20 @@ def _draw(
     axes: Any,
     rows: Sequence[Row],
     tradeoff: Tradeoff,
+    error: str,
     words: Sequence[str],
     methods: Sequence[tuple[str, ...]],
     counts: Sequence[str],
     areas: dict[str, float],
 ) -> None:
-    best = sorted((row[tradeoff.seconds], row[tradeoff.error]) for row in rows if row["pareto"] == "yes")
+    place = tradeoff.pareto(error)
+    best = sorted((row[tradeoff.seconds], row[error]) for row in rows if row[place] == "yes")
     axes.step(*zip(*best, strict=True), where="post", color="0.35", linewidth=1.0, zorder=1, gid="front")
     for index, method in enumerate(methods):
         for row in rows:
             if tuple(row[name] for name in words) != method:
                 continue
-            at, on_front = (row[tradeoff.seconds], row[tradeoff.error]), row["pareto"] == "yes"
+            at, on_front = (row[tradeoff.seconds], row[error]), row[place] == "yes"
             axes.scatter(
                 *at,
                 s=areas.get(row[counts[0]], SMALLEST) if counts else 2 * SMALLEST,
@@ -144,9 +146,9 @@ def _draw(
                 axes.annotate(text, at, xytext=(4, -8 if below else 3), textcoords="offset points", fontsize=6)
 
 
-def _scale(grid: Any, rows: Sequence[Row], tradeoff: Tradeoff) -> None:
+def _scale(grid: Any, rows: Sequence[Row], seconds: str, error: str) -> None:
     """Logarithmic axes, unless something on them is not above zero."""
-    for name, axis in ((tradeoff.seconds, "x"), (tradeoff.error, "y")):
+    for name, axis in ((seconds, "x"), (error, "y")):
         values = [row[name] for row in rows]
         if min(values) <= 0:
             continue

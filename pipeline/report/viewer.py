@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from pipeline.viewer.payload import MOST_STRETCH, deepest_um, payload
 from pipeline.viewer.scene import Scene
 
 MOST_TEXELS = 512
+MOST_SHEETS = 8
 STILL_PIXELS = 400
 ASPECTS = (1.5, 2.2)
 MOST_LIGHT_MM = 64.0
@@ -30,6 +32,25 @@ WHITE_PERCENTILE = 97
 """Of what is lit at first; brighter points, as in the mirror image of the light, are clipped."""
 _MIDDLE_UM = 0.55
 _BINS = 36
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Maps that the reader may choose.
+
+    Attributes
+    ----------
+    name : str
+        In a word or two.
+    caption : str
+        Whose maps these are.
+    payload : Markup
+        JSON for the script.
+    """
+
+    name: str
+    caption: str
+    payload: Markup
 
 
 @dataclass(frozen=True)
@@ -42,10 +63,8 @@ class Viewer:
         Picture for where nothing can be drawn, as a data URI.
     aspect : float
         Width over height of the picture.
-    payload : Markup
-        JSON for the script.
-    caption : str
-        Whose maps these are.
+    sheets : list of Sheet
+        The maps, those first that the page begins with.
     pictures : list of str
         Nodes whose rendered pictures the page shows.
     light_sigma, depth, deepest, stretch, most_light : float
@@ -54,8 +73,7 @@ class Viewer:
 
     still: str
     aspect: float
-    payload: Markup
-    caption: str
+    sheets: list[Sheet]
     pictures: list[str]
     light_sigma: float
     depth: float
@@ -66,13 +84,12 @@ class Viewer:
 
 def viewer(run: RunView, values: Mapping[str, Any]) -> Viewer | None:
     """The viewer of a run, if it has maps of orientation and period."""
-    found = next(_scenes(run, values), None)
-    if found is None:
+    found = list(islice(_different(_scenes(run, values)), MOST_SHEETS))
+    if not found:
         return None
-    scene, whose = found
-    shape = scene.orientation_rad.shape
-    scene = reduced(scene)
-    aspect = float(np.clip(scene.size_mm[0] / scene.size_mm[1], *ASPECTS))
+    first, _, _ = found[0]
+    aspect = float(np.clip(first.size_mm[0] / first.size_mm[1], *ASPECTS))
+    scene = reduced(first)
     view = first_view(scene, round(STILL_PIXELS / aspect), STILL_PIXELS)
     scene = replace(scene, eye_mm=view.eye_mm)
     rgb = _rendered(scene, view)
@@ -82,11 +99,22 @@ def viewer(run: RunView, values: Mapping[str, Any]) -> Viewer | None:
     brightest = rgb.max(axis=-1)
     lit = brightest[brightest > 0.01 * brightest.max()]
     white = float(np.percentile(lit, WHITE_PERCENTILE)) if lit.size else 1.0
+    sheets = []
+    for other, name, whose in found:
+        thin = reduced(other)
+        shown = replace(
+            scene,
+            orientation_rad=thin.orientation_rad,
+            period_um=thin.period_um,
+            pixel_mm=thin.pixel_mm,
+            tiles=thin.tiles,
+        )
+        text = payload(shown, exposure=1 / white, file=f"{run.name}_{run.digest}.png")
+        sheets.append(Sheet(name, f"{whose} {_size(other.orientation_rad.shape, shown)}", Markup(text)))
     return Viewer(
         still=webp_uri(encode_srgb(rgb / white)),
         aspect=aspect,
-        payload=Markup(payload(scene, exposure=1 / white, file=f"{run.name}_{run.digest}.png")),
-        caption=f"{whose} {_size(shape, scene)}",
+        sheets=sheets,
         pictures=[name for name, value in values.items() if isinstance(value, PictureSeries)],
         light_sigma=scene.light_sigma_mm,
         depth=scene.depth_um,
@@ -94,6 +122,20 @@ def viewer(run: RunView, values: Mapping[str, Any]) -> Viewer | None:
         stretch=MOST_STRETCH,
         most_light=max(MOST_LIGHT_MM, scene.light_sigma_mm),
     )
+
+
+def _different(scenes: Iterable[tuple[Scene, str, str]]) -> Iterator[tuple[Scene, str, str]]:
+    """Scenes, each pair of maps once."""
+    seen: list[tuple[NDArray[np.floating], NDArray[np.floating]]] = []
+    for scene, name, whose in scenes:
+        pair = (scene.orientation_rad, scene.period_um)
+        if not any(all(map(_equal, pair, other)) for other in seen):
+            seen.append(pair)
+            yield scene, name, whose
+
+
+def _equal(one: NDArray[np.floating], other: NDArray[np.floating]) -> bool:
+    return one is other or np.array_equal(one, other, equal_nan=True)
 
 
 def reduced(scene: Scene, most: int = MOST_TEXELS) -> Scene:
@@ -158,28 +200,32 @@ def _rendered(scene: Scene, view: View) -> NDArray[np.float32]:
     return rgb
 
 
-def _scenes(run: RunView, values: Mapping[str, Any]) -> Iterator[tuple[Scene, str]]:
-    """Scenes of a run, the best first: as a node renders it, as measured, as drawn; absolute orientations first."""
+def _scenes(run: RunView, values: Mapping[str, Any]) -> Iterator[tuple[Scene, str, str]]:
+    """Scenes of a run, the best first: as nodes render it, else as measured; as drawn; absolute orientations first."""
     lit = [(node, pair) for node in run.nodes.values() if (pair := _pair(node.inputs, values)) and _is_lit(node)]
+    rendered = False
     maps = [(o, p) for o in _of(values, OrientationMap) for p in _of(values, PeriodMap)]
     for absolute in (True, False):
         for node, (o, p) in lit:
             if values[o].absolute == absolute and _usable(values[o].orientation_rad, values[p].period_um):
                 flat = " Its bumps are left out." if _given(node.inputs, values, HeightField) else ""
-                yield _as_lit(node, values[o], values[p]), _whose(o, p, values[o].absolute, node.name) + flat
-    for absolute in (True, False):
+                rendered = True
+                whose = _whose(o, p, values[o].absolute, node.name) + flat
+                yield _as_lit(node, values[o], values[p]), f"{o}, {p}", whose
+    for absolute in (True, False) if not rendered else ():
         for o, p in maps:
             if values[o].absolute == absolute and _usable(values[o].orientation_rad, values[p].period_um):
                 pixel_mm = values[o].pixel_mm or values[p].pixel_mm
                 yield (
                     _lit_by_default(values[o].orientation_rad, values[p].period_um, pixel_mm),
+                    f"{o}, {p}",
                     _whose(o, p, absolute),
                 )
     for name in _of(values, GratingSample):
         sample = values[name]
         if _usable(sample.orientation_rad, sample.period_um):
             scene = _lit_by_default(sample.orientation_rad, sample.period_um, sample.pixel_mm)
-            yield replace(scene, depth_um=sample.depth_um), f"The {sample.name} as drawn ({name})."
+            yield replace(scene, depth_um=sample.depth_um), f"{name}, as drawn", f"The {sample.name} as drawn ({name})."
 
 
 def _of(values: Mapping[str, Any], kind: type) -> list[str]:

@@ -77,6 +77,11 @@ class Painter {
       gl.texParameteri(gl.TEXTURE_2D, key, value);
   }
 
+  forget() {
+    Object.values(this.textures).forEach(texture => this.gl.deleteTexture(texture));
+    Object.values(this.programs).forEach(({program}) => this.gl.deleteProgram(program));
+  }
+
   drawTable() {
     const {gl, sheet} = this, names = ["shorter", "middle", "longer"];
     for (const name of names) this.upload(name, sheet.colours, gl.RGBA16F, gl.RGBA, gl.HALF_FLOAT, null);
@@ -153,6 +158,13 @@ class Viewer {
     this.listen();
     this.reset();
     new ResizeObserver(() => this.change()).observe(this.canvas);
+  }
+
+  // Other maps of the run, under the light that is there.
+  showSheet(sheet, bytes) {
+    this.painter.forget();
+    Object.assign(this, {sheet, bytes, painter: new Painter(this.canvas, sheet, bytes)});
+    this.magnify(1);
   }
 
   reset() {
@@ -396,17 +408,28 @@ class Viewer {
   }
 }
 
+async function unpacked(script) {
+  const sheet = JSON.parse(script.textContent), names = Object.keys(sheet.textures);
+  const bytes = await Promise.all(names.map(name => inflated(sheet.textures[name].data)));
+  return [sheet, Object.fromEntries(names.map((name, i) => [name, bytes[i]]))];
+}
+
 async function show(root) {
-  const sheet = JSON.parse(root.querySelector("script[type='application/json']").textContent);
+  const scripts = root.querySelectorAll("script[type='application/json']"), choice = root.querySelector("select[name=maps]");
   try {
-    const names = Object.keys(sheet.textures);
-    const unpacked = await Promise.all(names.map(name => inflated(sheet.textures[name].data)));
-    root.viewer = new Viewer(root, sheet, Object.fromEntries(names.map((name, i) => [name, unpacked[i]])));
+    root.viewer = new Viewer(root, ...await unpacked(scripts[0]));
     root.classList.add("live");
   } catch (error) {
     root.querySelector(".sorry").append(` (${error.message})`);
     root.classList.add("still");
+    return;
   }
+  choice?.addEventListener("change", async () => {
+    const chosen = choice.selectedIndex, found = await unpacked(scripts[chosen]);
+    if (choice.selectedIndex !== chosen) return;
+    root.viewer.showSheet(...found);
+    root.querySelector(".whose").textContent = choice.selectedOptions[0].title;
+  });
 }
 
 document.querySelectorAll("figure.viewer").forEach(show);

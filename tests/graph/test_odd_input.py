@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from toys import Toys
 
+from pipeline.bench import Experiment
 from pipeline.errors import InputError, PipelineError
 from pipeline.graph.compose import compose, quoted
 
@@ -32,6 +33,24 @@ from pipeline.graph.compose import compose, quoted
 def test_odd_words(toys: Toys, words: list[str], message: str) -> None:
     with pytest.raises(PipelineError, match=message):
         toys.load(*words)
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("size_px=240", r"size_px is 240 [\s\S]*expected: \[columns, rows\], [\s\S]*for example \[240, 240\]"),
+        ("tiles=3", r"tiles is 3 [\s\S]*expected: \[columns, rows\], [\s\S]*for example \[3, 3\]"),
+        ("camera_mm=500", r"camera_mm is 500 [\s\S]*expected: \[x, y, z\], list of float$"),
+        (
+            "evaluator=fast",
+            r"evaluator is 'fast'[\s\S]*'tabulated'\s+hint: +python -m pipeline show render.point_light",
+        ),
+        ("evaluator=table", r"evaluator is 'table'[\s\S]*did you mean 'tabulated'"),
+    ],
+)
+def test_a_wrong_setting_is_answered_from_the_manual_of_its_stage(word: str, message: str) -> None:
+    with pytest.raises(PipelineError, match=message):
+        Experiment.load(["+experiment=render_point_light", f"graph.rendering.{word}"])
 
 
 @pytest.mark.parametrize("name", ["größe", "写真", "my photos (1)", "a=b", "it's"])

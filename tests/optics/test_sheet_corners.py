@@ -35,6 +35,14 @@ def test_a_pattern_on_the_sheet_does_not_lead_astray() -> None:
     assert found == pytest.approx(CORNERS, abs=0.3)
 
 
+def test_a_dark_facet_in_a_corner_does_not_cut_it_off() -> None:
+    paint = np.full((176, 240), 0.6, np.float32)
+    cv2.fillConvexPoly(paint, np.array([[239, 175], [239, 125], [189, 175]]), 0.12)
+    found, residual = outlined_corners(photo(CORNERS, paint))
+    assert found == pytest.approx(CORNERS, abs=0.3)
+    assert residual < 0.2
+
+
 def test_noise_moves_corners_little() -> None:
     noisy = photo(CORNERS) + np.random.default_rng(2).normal(0, 0.02, (220, 310)).astype(np.float32)
     found, _ = outlined_corners(noisy.astype(np.float32))

@@ -50,9 +50,10 @@ class Page(HTMLParser):
         return [attributes["id"] for _, attributes in self.elements if "id" in attributes]
 
     def sources(self) -> list[str]:
-        """Whatever the browser would load."""
+        """Whatever the browser would load; an icon of no bytes keeps it from asking for one."""
         found = [a["src"] for _, a in self.elements if "src" in a]
-        return found + [a["href"] for tag, a in self.elements if "href" in a and tag != "a"]
+        found += [a["href"] for tag, a in self.elements if "href" in a and tag != "a"]
+        return [source for source in found if source != "data:,"]
 
     def links(self) -> list[str]:
         return [a["href"] for tag, a in self.elements if tag == "a" and "href" in a]

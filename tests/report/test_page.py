@@ -211,7 +211,7 @@ def test_names_and_messages_cannot_inject_markup(run: FakeRun) -> None:
     run = replace(run, metrics={HOSTILE: 1.0})
     read = Page(page(run))
     assert read.faults == []
-    assert [tag for tag, _ in read.elements].count("script") == 3  # the page's own, the viewer's, and what it shows
+    assert [tag for tag, _ in read.elements].count("script") == 4  # the page's own, the viewer's, and two pairs of maps
     assert all(source.startswith("data:image/") for source in read.sources())
     assert read.text.count("<script>alert") > 10
 

@@ -52,7 +52,7 @@ def lit_run(path: Path, *, absolute: bool = True, pixel_mm: float | None = None,
 def shown(run: FakeRun) -> tuple[dict, str]:
     found = viewer(run, run.values)
     assert found is not None
-    return json.loads(found.payload), found.caption
+    return json.loads(found.sheets[0].payload), found.sheets[0].caption
 
 
 def test_it_starts_in_the_light_of_a_node(tmp_path: Path) -> None:

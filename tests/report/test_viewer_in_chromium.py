@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from test_viewer import LIGHT, lit_run
 
+from pipeline.data.gratings import PeriodMap
 from pipeline.devices.virtual_light import Lighting
 from pipeline.devices.virtual_sheet import Sampling, Sheet, render_sheet
 from pipeline.optics.colour import encode_srgb
@@ -22,6 +24,8 @@ from pipeline.report.page import page
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist"]
 LEVELS = {"spectral": 2, "table": 3}
 """Largest difference of a pixel's encoded levels, of 255."""
+IDLE = "() => (v => !v.frame.asked && !v.frame.drawing)(document.querySelector('figure.viewer').viewer)"
+"""Whether no frame is asked for or waited for: finer ones follow a coarse one by themselves."""
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +129,34 @@ def test_it_draws_what_python_draws(shown: Any, tmp_path: Path, method: str) -> 
         assert np.mean(away > LEVELS[method]) < 1e-3
 
 
+def test_another_pair_of_maps_is_drawn_under_the_same_light(browser: Any, tmp_path: Path) -> None:
+    run = lit_run(tmp_path)
+    coarse = run.values["period"]
+    finer = PeriodMap(0.9 * coarse.period_um, coarse.mask, coarse.pixel_mm)
+    node = replace(run.nodes["torch"], name="again", inputs={"orientation": ("fit",), "period": ("finer",)})
+    both = run.with_node(replace(run.nodes["period"], name="finer"), finer).with_node(node)
+    file = tmp_path / "report.html"
+    file.write_text(page(both), encoding="utf-8")
+    tab = browser.new_page(viewport={"width": 560, "height": 700})
+    tab.goto(file.as_uri())
+    tab.wait_for_selector("figure.viewer.live", timeout=20_000)
+    first = picture(tab)
+    tab.locator("select[name=maps]").select_option("fit, finer")
+    tab.wait_for_function("() => document.querySelector('.whose').textContent.includes('lit as for again')")
+    found, levels = (
+        picture(tab),
+        expected(tab, replace(run, values={**run.values, "period": finer}), LIGHT["light_sigma_mm"]),
+    )
+    tab.locator("select[name=maps]").select_option("fit, period")
+    tab.wait_for_function("() => document.querySelector('.whose').textContent.includes('lit as for torch')")
+    assert np.array_equal(picture(tab), first)
+    tab.close()
+    inside = found[..., 3] == 255
+    away = np.abs(found[..., :3].astype(int) - levels)[inside].max(axis=-1)
+    assert np.mean(away > LEVELS["table"]) < 1e-3
+    assert np.abs(found[..., :3].astype(int) - first[..., :3]).max() > 20
+
+
 def test_sliders_change_the_picture_and_reset_takes_it_back(shown: Any) -> None:
     first = picture(shown)
     for name, value in (("light_sigma", 6.0), ("depth", 0.05), ("period_scale", 0.4), ("exposure", -2.0)):
@@ -184,15 +216,14 @@ def test_dots_are_drawn_with_their_orientation_when_they_are_large(shown: Any) -
 
 
 def test_nothing_is_drawn_while_nothing_changes(shown: Any) -> None:
-    shown.wait_for_function("() => !document.querySelector('figure.viewer').viewer.frame.asked")
+    shown.wait_for_function(IDLE)
     last = viewer(shown, "viewer.frame.last")
     shown.wait_for_timeout(150)
     assert viewer(shown, "viewer.frame.last") == last
 
 
 def test_a_slow_card_gets_one_frame_at_a_time_and_fewer_pixels_while_a_slider_moves(shown: Any) -> None:
-    idle = "() => (v => !v.frame.asked && !v.frame.drawing)(document.querySelector('figure.viewer').viewer)"
-    shown.wait_for_function(idle)
+    shown.wait_for_function(IDLE)
     width = viewer(shown, "viewer.canvas.width")
     viewer(shown, "viewer.painter.gl.getSyncParameter = () => window.done ? 0x9119 : 0x9118")
     slide(shown, "depth", 0.2)
@@ -203,7 +234,7 @@ def test_a_slow_card_gets_one_frame_at_a_time_and_fewer_pixels_while_a_slider_mo
     assert viewer(shown, "viewer.frame.last") == last
     shown.evaluate("window.done = true")
     shown.wait_for_function(
-        f"last => document.querySelector('figure.viewer').viewer.frame.last > last && ({idle})()", arg=last
+        f"last => document.querySelector('figure.viewer').viewer.frame.last > last && ({IDLE})()", arg=last
     )
     assert viewer(shown, "viewer.canvas.width") <= width / 2 + 1
     shown.locator("input[name=depth]").dispatch_event("change")

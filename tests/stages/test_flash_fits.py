@@ -132,6 +132,22 @@ def test_what_was_never_lit_stays_unknown_until_the_next_flash_shows_it(caplog: 
     assert both.metrics["lit_percent"] > beside.metrics["lit_percent"] + 5
 
 
+def test_what_paper_scatters_is_not_taken_for_light_where_views_are_few(white: FlashPhotographs) -> None:
+    dim = np.float32(0.05 * np.percentile(white.radiance, 99))
+    scattering = replace(white, radiance=white.radiance + dim)
+
+    def orientation(count: int) -> OrientationMap:
+        few = replace(SPACED, homographies=SPACED.homographies[:count], residual_px=SPACED.residual_px[:count])
+        return flash_orientation(scattering, replace(few, reference=0), highlight(scattering), photographs=1)
+
+    with pytest.raises(InputError, match="no pixel outside the highlights rises above the dark"):
+        orientation(1)
+    found = orientation(4)
+    error = np.rad2deg(np.abs(axial_difference(found.orientation_rad, TANGENTS)[found.mask]))
+    assert 0.1 < found.mask.mean() < 0.5
+    assert np.percentile(error, 90) < 10
+
+
 def test_one_period_is_found_and_one_number_will_do(green: FlashPhotographs, measured: OrientationMap) -> None:
     found = flash_period(green, SPACED, highlight(green), measured)
     assert found.metrics["period_constant"] == 1

@@ -162,6 +162,23 @@ def test_a_sheet_without_gratings_is_black() -> None:
         assert (series.rgb == 0).all()
 
 
+@pytest.mark.parametrize("evaluator", ["spectral", "tabulated"])
+def test_a_sheet_that_nothing_lights_is_black_and_the_tails_of_lobes_are_not_brightened(
+    evaluator: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Gratings along x, and a light that leaves their plane by up to five times its own extent and more."""
+    angle, period = maps(pixel_mm=0.2)
+    angle.orientation_rad[:] = np.random.default_rng(0).normal(0, 0.02, angle.orientation_rad.shape)
+    brightest = {}
+    for y in (30.0, 58.0, 150.0):
+        caplog.clear()
+        series = point_light(angle, period, lights_mm=[[0.0, y, 300.0]], evaluator=evaluator)
+        brightest[y] = (series.rgb.max(), "Nothing shines here" in caplog.text)
+    assert brightest[30.0] == (pytest.approx(1, abs=0.2), False)
+    assert brightest[58.0] == (pytest.approx(0, abs=1e-3), True)
+    assert brightest[150.0] == (0, True)
+
+
 def test_no_field_of_view_shows_what_lies_behind_the_camera() -> None:
     with pytest.raises(InputError, match="not in front of the camera"):
         point_light(*maps(), lights_mm=LIGHTS, view="camera", camera_mm=[0.0, 0.0, 5.0], target_mm=[900.0, 0.0, 5.0])

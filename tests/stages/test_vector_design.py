@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.path import Path as Polygon
 
+import pipeline
 from pipeline.data.gratings import GratingSample
 from pipeline.errors import InputError, InputErrors
 from pipeline.optics.drawing import Drawing
@@ -208,6 +209,16 @@ def test_what_is_no_design_is_refused(draw, tmp_path: Path) -> None:
         vector_design(file=tmp_path / "broken.svg")
     with pytest.raises(InputError, match=r"there is no file brken.svg[\s\S]*did you mean 'broken.svg'"):
         vector_design(file=tmp_path / "brken.svg")
+
+
+def test_a_picture_for_a_design_of_vectors_and_the_reverse_are_told_apart(tmp_path: Path) -> None:
+    page, picture = tmp_path / "page.svg", tmp_path / "picture.png"
+    page.write_text("<svg/>")
+    picture.write_bytes(b"\x89PNG\r\n")
+    with pytest.raises(InputError, match=r"hint: +maps=picture, or simulate.picture_design"):
+        vector_design(file=picture)
+    with pytest.raises(InputErrors, match=r"page.svg is made of shapes[\s\S]*hint: +maps=vector"):
+        pipeline.run("edit_periods", ["maps=picture", f"graph.sample.file={page}", f"paths.runs={tmp_path}"])
 
 
 @pytest.mark.parametrize(

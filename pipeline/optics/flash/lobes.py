@@ -9,6 +9,7 @@ not small, a coherence window that is not wide, a filter's band and a pixel's ar
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,7 +49,7 @@ class HalfVectors:
     light_x: Float64Array
     light_y: Float64Array
 
-    @property
+    @cached_property
     def length(self) -> Float64Array:
         """Of the part in the plane."""
         return np.hypot(self.x, self.y)
@@ -74,7 +75,7 @@ def half_vectors(x_mm: ArrayLike, y_mm: ArrayLike, light_mm: Float64Array, eye_m
     x_mm, y_mm : array_like
         The points.
     light_mm, eye_mm : ndarray of shape (3,)
-        Places of light and camera.
+        Places of light and camera; several lights as (3, L, 1, ...), before the points' axes.
     """
     x, y = np.asarray(x_mm, np.float64), np.asarray(y_mm, np.float64)
     (lx, ly, lz), (cx, cy, cz) = light_mm, eye_mm

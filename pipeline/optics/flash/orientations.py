@@ -18,8 +18,13 @@ Float32Array = NDArray[np.float32]
 TANGENT, ERROR, BRIGHTNESS, AGREEMENT = range(4)
 """Rows of what is found: radians in [0, pi), standard error, brightest view, and how far the views agree, 0 to 1."""
 
+FEW = 8
+"""Views of a pixel, below which they do not tell by themselves how bright it is where it is dark."""
+
 _REACH = 2.0
 _STEPS = 61
+_FAR = 16.0
+"""Exponent beyond which a lobe is dark."""
 _MODEL_ERROR = 0.12
 """Of a lobe's height: what its shape may be wrong by, however well few views are met."""
 
@@ -33,13 +38,13 @@ def _apart(left: float, right: float) -> float:
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def by_threshold(
-    brightness: Any, azimuth: Any, width: Any, peak: float, floor: float, ratio: float, found: Any
+    brightness: Any, azimuth: Any, width: Any, peak: float, usual: float, floor: float, ratio: float, found: Any
 ) -> None:
     """Fill ``found`` (4, M, N) from the views above the first level that any view of the pixel passes.
 
     Levels go down from ``peak`` by ``ratio`` a step. The tangent is the axial mean of the directions of those views,
     weighted by brightness; where they disagree by more than lobes are wide, that of the brighter ones. A pixel none of
-    whose views rises ``floor`` above their median is not known.
+    whose views rises ``floor`` above their median, or ``usual`` where they are fewer than ``FEW``, is not known.
 
     Parameters
     ----------
@@ -61,7 +66,7 @@ def by_threshold(
                     count += 1
                     most = max(most, b)
             found[BRIGHTNESS, row, column] = most if count else np.nan
-            ground = np.median(values[:count]) if count >= 8 else np.float32(0)
+            ground = np.median(values[:count]) if count >= FEW else np.float32(usual)
             if not count or most - ground < floor:
                 continue
             level = min(peak * ratio ** np.ceil(np.log(most / peak) / np.log(ratio)), most)
@@ -118,6 +123,14 @@ def add_profile(
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
+def _along(length: float, profile: Any, step: float) -> float:
+    """Brightness along the tangent, between the middles of bins."""
+    place = length / step - 0.5
+    cell = int(place)
+    return profile[cell] + (place - cell) * (profile[cell + 1] - profile[cell])
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
 def _lobe(
     i: int,
     row: int,
@@ -131,9 +144,7 @@ def _lobe(
     step: float,
 ) -> tuple[float, float]:
     """Brightness of a lobe in one view, and its change with the tangent."""
-    place = length[i, row, column] / step - 0.5
-    cell = int(place)
-    along = profile[cell] + (place - cell) * (profile[cell + 1] - profile[cell])
+    along = _along(length[i, row, column], profile, step)
     turn, wide = azimuth[i, row, column] - tangent, width[i, row, column]
     sine = np.sin(turn) / wide
     lobe = gain[i, row, column] * along * np.exp(-0.5 * sine * sine)
@@ -151,7 +162,7 @@ def by_lobe(
     """
     views, rows, columns = brightness.shape
     use = np.empty(views, np.int64)
-    scores = np.empty(_STEPS)
+    scores, crosses, norms = np.empty(_STEPS), np.empty(_STEPS), np.empty(_STEPS)
     for row in range(rows):
         for column in range(columns):
             start = found[TANGENT, row, column]
@@ -175,16 +186,26 @@ def by_lobe(
             if count < 2 or wide == 0.0:
                 continue
             spacing = 6 * wide / (_STEPS - 1)
+            first = start - _STEPS // 2 * spacing
+            turn_cosine, turn_sine = np.cos(spacing), np.sin(spacing)
+            crosses[:] = 0
+            norms[:] = 0
+            for n in range(count):
+                i = use[n]
+                b, wide_here = brightness[i, row, column], width[i, row, column]
+                height = gain[i, row, column] * _along(length[i, row, column], profile, step)
+                turn = azimuth[i, row, column] - first
+                sine, cosine = np.sin(turn) / wide_here, np.cos(turn) / wide_here
+                for k in range(_STEPS):
+                    away = 0.5 * sine * sine
+                    if away < _FAR:
+                        lobe = height * np.exp(-away)
+                        crosses[k] += b * lobe
+                        norms[k] += lobe * lobe
+                    sine, cosine = sine * turn_cosine - cosine * turn_sine, cosine * turn_cosine + sine * turn_sine
             best = 0
             for k in range(_STEPS):
-                tangent = start + (k - _STEPS // 2) * spacing
-                cross = norm = 0.0
-                for n in range(count):
-                    i = use[n]
-                    lobe, _ = _lobe(i, row, column, tangent, azimuth, width, length, gain, profile, step)
-                    cross += brightness[i, row, column] * lobe
-                    norm += lobe * lobe
-                scores[k] = cross * cross / max(norm * square, 1e-30)
+                scores[k] = crosses[k] * crosses[k] / max(norms[k] * square, 1e-30)
                 if scores[k] > scores[best]:
                     best = k
             found[AGREEMENT, row, column] = np.sqrt(scores[best])

@@ -13,7 +13,7 @@ from pipeline.optics.gratings import order_efficiency
 
 Float64Array = NDArray[np.float64]
 
-_ACROSS = 4.0
+ACROSS = 4.0
 """Standard deviations from the tangent beyond which every view is dark, whatever the period."""
 _MODEL_ERROR = 0.1
 """Of a lobe's height: what its shape may be wrong by."""
@@ -96,59 +96,64 @@ def best_periods(
     variance : ndarray of shape (2, O, M, N)
         Of lobes, along the tangent and across it.
     shares : ndarray of shape (3, O, M, N)
-        Brightness of orders 0, 1 and 2 for a light without extent.
+        Brightness of orders 0, 1 and 2 for a light without extent, where ``v`` is within ``ACROSS`` of its deviations.
     halves : ndarray of shape (O,), int64
         0 or 1: which half of the views each belongs to.
     """
     views, rows, columns = brightness.shape
     steps = periods.size
     spacing = np.log(periods[1] / periods[0])
-    scores = np.empty(steps)
-    use = np.empty(views, np.int64)
+    scores = np.empty((3, steps))
+    use, peak = np.empty(views, np.int64), np.empty(views)
+    counts, square, fourth = np.empty(3, np.int64), np.empty(3), np.empty(3)
+    cross, norm = np.empty(3), np.empty(3)
     for row in range(rows):
         for column in range(columns):
+            found[:, :, row, column] = np.nan
+            counts[:] = 0
+            square[:] = 0
+            fourth[:] = 0
+            for i in range(views):
+                b, across = brightness[i, row, column], variance[1, i, row, column]
+                if np.isfinite(b) and v[i, row, column] ** 2 < ACROSS**2 * across:
+                    use[counts[0]] = i
+                    peak[counts[0]] = np.exp(-(v[i, row, column] ** 2) / (2 * across)) / np.sqrt(across)
+                    for part in (0, 1 + halves[i]):
+                        counts[part] += 1
+                        square[part] += b * b
+                        fourth[part] += b**4
+            for k in range(steps):
+                first, wide = wavelength / periods[k], band / periods[k]
+                cross[:] = 0
+                norm[:] = 0
+                for n in range(counts[0]):
+                    i = use[n]
+                    along, lobe = abs(u[i, row, column]), 0.0
+                    for order in range(-1, 3):
+                        wider = variance[0, i, row, column] + (order * wide) ** 2
+                        away = (along - order * first) ** 2 / (2 * wider)
+                        share = shares[abs(order), i, row, column]
+                        if share > 0 and away < _FAR:
+                            lobe += share * np.exp(-away) / np.sqrt(wider)
+                    lobe *= peak[n]
+                    part = 1 + halves[i]
+                    cross[part] += brightness[i, row, column] * lobe
+                    norm[part] += lobe * lobe
+                cross[0], norm[0] = cross[1] + cross[2], norm[1] + norm[2]
+                for part in range(3):
+                    scores[part, k] = cross[part] ** 2 / (norm[part] * square[part]) if norm[part] > 0 else 0.0
             for part in range(3):
-                found[part, :, row, column] = np.nan
-                count, square, fourth = 0, 0.0, 0.0
-                for i in range(views):
-                    b = brightness[i, row, column]
-                    if part and halves[i] != part - 1:
-                        continue
-                    if np.isfinite(b) and v[i, row, column] ** 2 < _ACROSS**2 * variance[1, i, row, column]:
-                        use[count] = i
-                        count += 1
-                        square += b * b
-                        fourth += b**4
-                if count < 2 or square == 0:
+                if counts[part] < 2 or square[part] == 0:
                     continue
-                best = 0
-                for k in range(steps):
-                    first, wide = wavelength / periods[k], band / periods[k]
-                    cross = norm = 0.0
-                    for n in range(count):
-                        i = use[n]
-                        along, across = abs(u[i, row, column]), variance[1, i, row, column]
-                        lobe = 0.0
-                        for order in range(-1, 3):
-                            wider = variance[0, i, row, column] + (order * wide) ** 2
-                            away = (along - order * first) ** 2 / (2 * wider)
-                            share = shares[abs(order), i, row, column]
-                            if share > 0 and away < _FAR:
-                                lobe += share * np.exp(-away) / np.sqrt(across * wider)
-                        lobe *= np.exp(-(v[i, row, column] ** 2) / (2 * across))
-                        cross += brightness[i, row, column] * lobe
-                        norm += lobe * lobe
-                    scores[k] = cross * cross / (norm * square) if norm > 0 else 0.0
-                    if scores[k] > scores[best]:
-                        best = k
-                if best == 0 or best == steps - 1 or scores[best] < _CONVINCING:
+                best = np.argmax(scores[part])
+                if best == 0 or best == steps - 1 or scores[part, best] < _CONVINCING:
                     continue
-                left, middle, right = scores[best - 1], scores[best], scores[best + 1]
+                left, middle, right = scores[part, best - 1], scores[part, best], scores[part, best + 1]
                 bend = 2 * middle - left - right
                 if bend <= 0:
                     continue
                 value = periods[best] * np.exp(0.5 * (right - left) / bend * spacing)
                 # Errors go with brightness, so that no more views count than are bright.
-                noise = (1 - middle + _MODEL_ERROR**2) * fourth / (square * square)
+                noise = (1 - middle + _MODEL_ERROR**2) * fourth[part] / square[part] ** 2
                 found[part, 0, row, column] = value
                 found[part, 1, row, column] = value * spacing * np.sqrt(2 * noise / bend)

@@ -22,7 +22,7 @@ Float64Array = NDArray[np.float64]
 
 _LARGEST_SIDE = 16_384
 _ODD_ASPECT = 0.2
-_CROOKED_PX = 1.0
+_CROOKED_PX = 0.5
 _log = logging.getLogger(__name__)
 _tolerance_rectified = {"radiance": 1e-3, "room": 1e-3, "corners_px": 1e-2}
 

@@ -98,8 +98,14 @@ def tiles(
     if motion != "translation":
         chosen, found["sheet_residual_px"] = _aligned(feature, pattern, start, numbers, steps, reference, motion)
     moved = np.array([_farthest(one, other, tile_shape) for one, other in zip(chosen, start, strict=True)])
-    correlation = np.array([likeness(feature, pattern, homography) for homography in chosen])
-    residual = np.array([shift_left(feature, pattern, homography) for homography in chosen])
+    correlation, residual = unknown.copy(), unknown.copy()
+
+    def judge(first: int, last: int) -> None:
+        for k in range(first, last):
+            correlation[k] = likeness(feature, pattern, chosen[k])
+            residual[k] = shift_left(feature, pattern, chosen[k])
+
+    over_rows(judge, len(chosen), tile=1)
     found |= {
         "tiles": float(len(numbers)),
         "residual_px": float(np.nanmedian(residual)),
@@ -114,7 +120,8 @@ def tiles(
         found["residual_px"],
     )
     seen = np.stack([cut(feature, homography, tile_shape) for homography in chosen])
-    mean = np.nanmean(seen, axis=0)
+    known = np.isfinite(seen).sum(axis=0)
+    mean = np.where(known, np.nansum(seen, axis=0) / np.maximum(known, 1), np.nan).astype(np.float32)
     return Tiles(chosen, tile_shape, reference, moved, residual, correlation, pitch, mean, found)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -58,34 +59,66 @@ class Bench:
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """Some rows of a tile as its repeats show them; arrays of shape (O, rows, columns), float32.
+    """Some rows of a tile as its repeats show them; arrays of shape (O, rows, columns).
+
+    What geometry makes of them is worked out when it is asked for.
 
     Attributes
     ----------
-    brightness : ndarray
+    brightness : ndarray, float32
         Mean of red, green and blue; NaN in a highlight, beside the sheet, and where no exposure was right.
-    half : HalfVectors
-        At each place.
-    spread : ndarray
-        Standard deviation of a lobe across the tangent, in half vectors.
-    rest : ndarray
-        Its variance for a light without extent.
+    x_mm, y_mm : ndarray of shape (T, rows, columns)
+        Where the repeats lie on the sheet; those of one photograph follow those of another.
+    placed : Bench
+        Light and camera.
+    pixel_mm : float
+        Pitch.
     """
 
     brightness: Float32Array
-    half: HalfVectors
-    spread: Float64Array
-    rest: Float64Array
+    x_mm: Float64Array
+    y_mm: Float64Array
+    placed: Bench
+    pixel_mm: float
 
-    @property
+    @cached_property
+    def half(self) -> HalfVectors:
+        """At each place."""
+        lights = self.placed.light_mm.T[:, :, None, None, None]
+        every = half_vectors(self.x_mm, self.y_mm, lights, self.placed.eye_mm)
+        whole, shape = (len(self.placed.light_mm), *self.x_mm.shape), self.brightness.shape
+        parts = (getattr(every, name) for name in HalfVectors.__dataclass_fields__)
+        return HalfVectors(*(np.broadcast_to(part, whole).reshape(shape) for part in parts))
+
+    @cached_property
+    def spread(self) -> Float64Array:
+        """Standard deviation of a lobe across the tangent, in half vectors."""
+        return np.sqrt(self.rest + light_variance(self.half, self.placed.light_sigma_mm))
+
+    @cached_property
+    def rest(self) -> Float64Array:
+        """Its variance for a light without extent."""
+        return _rest(self.half, self.placed, self.pixel_mm)
+
+    @cached_property
+    def length(self) -> Float32Array:
+        """Of the half vectors' part in the plane."""
+        return self.half.length.astype(np.float32)
+
+    @cached_property
+    def gain(self) -> Float32Array:
+        """What geometry makes of an order's share of the light; a lobe that is wider is less bright."""
+        return (self.half.gain / self.spread).astype(np.float32)
+
+    @cached_property
     def azimuth(self) -> Float32Array:
         """Direction of the half vectors."""
         return self.half.azimuth_rad.astype(np.float32)
 
-    @property
+    @cached_property
     def width(self) -> Float32Array:
         """Standard deviation of a lobe as an angle at the highlight."""
-        return np.minimum(self.spread / np.maximum(self.half.length, 1e-9), np.pi / 4).astype(np.float32)
+        return np.minimum(self.spread / np.maximum(self.length, np.float32(1e-9)), np.pi / 4).astype(np.float32)
 
 
 def bench(
@@ -150,38 +183,32 @@ def over_blocks(photos: FlashPhotographs, tiles: Tiles, placed: Bench, read: Cal
         on_sheet = np.einsum("tij,jrc->tirc", tiles.homographies, place)
         column, row = on_sheet[:, 0] / on_sheet[:, 2], on_sheet[:, 1] / on_sheet[:, 2]
         x, y = (column - (columns - 1) / 2) * pixel, ((rows - 1) / 2 - row) * pixel
-        parts: list[HalfVectors] = []
         brightness = np.empty((len(shown), *column.shape), np.float32)
         for index, photograph in enumerate(shown):
-            for tile in range(len(column)):
-                brightness[index, tile] = _sampled(photograph, read_off[index], column[tile], row[tile])
-            away = np.hypot(x - placed.highlight_mm[index, 0], y - placed.highlight_mm[index, 1])
-            brightness[index][away < placed.keep_off_mm[index]] = np.nan
-            parts.append(half_vectors(x, y, placed.light_mm[index], placed.eye_mm))
-        half = HalfVectors(
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in HalfVectors.__dataclass_fields__)
-        )
-        rest = _rest(half, placed, pixel)
-        spread = np.sqrt(rest + light_variance(half, placed.light_sigma_mm))
-        read(Views(brightness.reshape(-1, *r.shape), half, spread, rest), slice(first, last))
+            brightness[index] = _sampled(photograph, read_off[index], column, row)
+            away = (x - placed.highlight_mm[index, 0]) ** 2 + (y - placed.highlight_mm[index, 1]) ** 2
+            brightness[index][away < placed.keep_off_mm[index] ** 2] = np.nan
+        read(Views(brightness.reshape(-1, *r.shape), x, y, placed, pixel), slice(first, last))
 
     over_rows(gather, tiles.shape[0], tile=BLOCK)
 
 
 def _sampled(
-    photograph: Float32Array, readable: NDArray[np.bool_], column: Float64Array, row: Float64Array
+    photograph: Float32Array, readable: NDArray[np.uint8], column: Float64Array, row: Float64Array
 ) -> Float32Array:
     """Brightness between pixels; NaN where the nearest one cannot be read, and beside the picture."""
-    at = column.astype(np.float32), row.astype(np.float32)
-    known = cv2.remap(readable.astype(np.uint8), *at, cv2.INTER_NEAREST, borderValue=0)
-    return np.where(known > 0, cv2.remap(photograph, *at, cv2.INTER_LINEAR), np.float32(np.nan))
+    long = -1, column.shape[-1]
+    at = column.reshape(long).astype(np.float32), row.reshape(long).astype(np.float32)
+    known = cv2.remap(readable, *at, cv2.INTER_NEAREST, borderValue=0)
+    seen = np.where(known > 0, cv2.remap(photograph, *at, cv2.INTER_LINEAR), np.float32(np.nan))
+    return seen.reshape(column.shape)
 
 
-def _readable(brightness: Float32Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Where an exposure was right, and what is seen is not likely to be a bright neighbour's light."""
+def _readable(brightness: Float32Array, valid: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """1 where an exposure was right, and what is seen is not likely to be a bright neighbour's light."""
     around = cv2.dilate(np.where(valid, brightness, 0), np.ones((_NEAR, _NEAR), np.uint8))
     lit = around > _BRIGHT * np.percentile(around, 99.5)
-    return np.asarray(valid & ~(lit & (brightness < _LEAK * around)))
+    return np.asarray(valid & ~(lit & (brightness < _LEAK * around)), np.uint8)
 
 
 def _rest(half: HalfVectors, placed: Bench, pixel_mm: float) -> Float64Array:

@@ -16,8 +16,19 @@ from pipeline.errors import InputError
 from pipeline.limits import above_zero, at_least, refuse, within, zero_or_more
 from pipeline.optics.flash.lobes import half_vectors
 from pipeline.optics.flash.next_light import BINS, directions_seen
-from pipeline.optics.flash.orientations import AGREEMENT, BRIGHTNESS, ERROR, TANGENT, add_profile, by_lobe, by_threshold
+from pipeline.optics.flash.orientations import (
+    AGREEMENT,
+    BRIGHTNESS,
+    ERROR,
+    FEW,
+    TANGENT,
+    add_profile,
+    by_lobe,
+    by_threshold,
+)
 from pipeline.stages.fit._tile_views import Bench, Views, bench, over_blocks, spread_at_highlight
+
+Float64Array = NDArray[np.float64]
 
 _log = logging.getLogger(__name__)
 
@@ -36,6 +47,8 @@ _NOISE = 6.0
 _PROFILE_STEP, _PROFILE_BINS = 0.01, 160
 _DARK, _LIT = 0.02, 0.2
 """Of the brightest half vectors: below which lobes are not fitted, and above which a flash is said to show them."""
+_EVERY = 8
+"""Columns of which one tells how bright views usually are."""
 _ROUNDS = 2
 _TRIED = 400
 """Unknown pixels for which the next light is chosen."""
@@ -83,7 +96,8 @@ def flash_orientation(
         In which the threshold is lowered through two decades.
     floor : float, optional
         Brightness, relative to the brightest pixels, that a view has to rise above the other views of its pixel; by
-        default six times the scatter of what is dark, at least a hundredth.
+        default six times the scatter of what is dark, at least a hundredth. Of fewer than eight views, the other
+        pixels tell what is dark.
     keep_off : float
         Standard deviations of the highlight within which no pixel is read.
     light_distance_mm, camera_distance_mm : float, optional
@@ -141,13 +155,16 @@ def flash_orientation(
         coherence_um=coherence_um,
         keep_off=keep_off,
     )
-    peak, dark = _levels(photos, tiles, placed)
+    peak, usual, dark = _levels(photos, tiles, placed)
     least = floor * peak if floor is not None else max(_NOISE * dark, peak / _RANGE)
     found = np.full((4, *tiles.shape), np.nan, np.float32)
     ratio = _RANGE ** (-1 / steps)
 
+    parts: dict[int, Float64Array] = {}
+
     def threshold(views: Views, rows: slice) -> None:
-        by_threshold(views.brightness, views.azimuth, views.width, peak, least, ratio, found[:, rows])
+        by_threshold(views.brightness, views.azimuth, views.width, peak, usual, least, ratio, found[:, rows])
+        parts[rows.start] = _along_tangents(views, found[:, rows])
 
     over_blocks(photos, tiles, placed, threshold)
     mask = np.isfinite(found[TANGENT])
@@ -157,11 +174,11 @@ def flash_orientation(
             expected="photographs that show orders of diffraction around the highlight",
         )
     if method == "lobe":
-        _fit_lobes(photos, tiles, placed, found)
+        _fit_lobes(photos, tiles, placed, parts, found)
     found[ERROR] = np.hypot(found[ERROR], _turn_within(found[TANGENT], tiles))
     metrics = _figures(mask, found)
     if 100 - metrics["lit_percent"] > _COVERED_PERCENT:
-        proposal = _next_light(photos, tiles, placed, mask, found)
+        proposal = _next_light(photos, tiles, placed, mask, _profile(parts))
         if proposal is not None:
             (x, y, z), share = proposal
             metrics |= {
@@ -187,51 +204,59 @@ def flash_orientation(
     )
 
 
-def _levels(photos: FlashPhotographs, tiles: Tiles, placed: Bench) -> tuple[float, float]:
-    """Brightness of the brightest pixels outside highlights, and the scatter of what is dark."""
+def _levels(photos: FlashPhotographs, tiles: Tiles, placed: Bench) -> tuple[float, float, float]:
+    """Brightness of the brightest pixels outside highlights, of views as most are, and the scatter of what is dark."""
     brightest = np.zeros(tiles.shape, np.float32)
     darkest = np.zeros(tiles.shape, np.float32)
+    some: dict[int, NDArray[np.float32]] = {}
 
     def read(views: Views, rows: slice) -> None:
         known = np.nan_to_num(views.brightness, nan=-1.0)
         brightest[rows] = known.max(axis=0)
         lower = np.sort(np.where(known < 0, np.inf, known), axis=0)[: max(len(known) // 4, 1)]
         darkest[rows] = np.where(np.isfinite(lower), lower, 0).std(axis=0)
+        some[rows.start] = known[..., ::_EVERY].ravel()
 
     over_blocks(photos, tiles, placed, read)
-    return float(np.percentile(brightest, 99.5)), float(np.median(darkest)) if len(photos.radiance) else 0.0
+    seen = np.concatenate(list(some.values()))
+    seen = seen[seen >= 0]
+    usual = float(np.median(seen)) if seen.size else 0.0
+    few = len(photos.radiance) * len(tiles.homographies) < FEW
+    dark = 1.4826 * np.median(np.abs(seen - usual)) if few and seen.size else np.median(darkest)
+    return float(np.percentile(brightest, 99.5)), usual, float(dark)
 
 
-def _fit_lobes(photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArray[np.float32]) -> None:
-    """Learn the brightness along the tangent and improve the tangents, in turn."""
+def _fit_lobes(
+    photos: FlashPhotographs, tiles: Tiles, placed: Bench, parts: dict[int, Float64Array], found: NDArray[np.float32]
+) -> None:
+    """Learn the brightness along the tangent and improve the tangents, in turn; both in one pass over the views."""
     for _ in range(_ROUNDS):
-        profile = _profile(photos, tiles, placed, found)
+        profile = _profile(parts)
         profile[profile < _DARK * profile.max()] = 0
 
-        def improve(views: Views, rows: slice, profile: NDArray[np.float64] = profile) -> None:
+        def improve(views: Views, rows: slice, profile: Float64Array = profile) -> None:
             by_lobe(*_lobe_views(views), profile, _PROFILE_STEP, found[:, rows])
+            parts[rows.start] = _along_tangents(views, found[:, rows])
 
         over_blocks(photos, tiles, placed, improve)
 
 
-def _profile(photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArray[np.float32]) -> NDArray[np.float64]:
+def _along_tangents(views: Views, found: NDArray[np.float32]) -> Float64Array:
+    """What some rows add to the brightness of lobes along their tangent, shape (2, K)."""
+    part = np.zeros((2, _PROFILE_BINS))
+    add_profile(*_lobe_views(views), found, _PROFILE_STEP, part)
+    return part
+
+
+def _profile(parts: dict[int, Float64Array]) -> Float64Array:
     """Brightness of lobes along their tangent, in bins of the half vector's length."""
-    parts: list[NDArray[np.float64]] = []
-
-    def add(views: Views, rows: slice) -> None:
-        part = np.zeros((2, _PROFILE_BINS))
-        add_profile(*_lobe_views(views), found[:, rows], _PROFILE_STEP, part)
-        parts.append(part)
-
-    over_blocks(photos, tiles, placed, add)
-    bright, weight = np.sum(parts, axis=0)
+    bright, weight = np.sum([parts[first] for first in sorted(parts)], axis=0)
     return np.asarray(bright / np.maximum(weight, 1e-30))
 
 
 def _lobe_views(views: Views) -> tuple[NDArray[np.float32], ...]:
-    """Brightness, direction, width, half vector and gain of each view; a lobe that is wider is less bright."""
-    length, gain = views.half.length.astype(np.float32), (views.half.gain / views.spread).astype(np.float32)
-    return views.brightness, views.azimuth, views.width, length, gain
+    """Brightness, direction, width, half vector and gain of each view."""
+    return views.brightness, views.azimuth, views.width, views.length, views.gain
 
 
 def _turn_within(tangent: NDArray[np.float32], tiles: Tiles) -> NDArray[np.float32]:
@@ -256,7 +281,7 @@ def _figures(mask: NDArray[np.bool_], found: NDArray[np.float32]) -> dict[str, f
 
 
 def _next_light(
-    photos: FlashPhotographs, tiles: Tiles, placed: Bench, mask: NDArray[np.bool_], found: NDArray[np.float32]
+    photos: FlashPhotographs, tiles: Tiles, placed: Bench, mask: NDArray[np.bool_], profile: Float64Array
 ) -> tuple[tuple[float, float, float], float] | None:
     """Where a light shows most of the directions that the unknown pixels may have, and how many percent of them."""
     row, column = np.nonzero(~mask)
@@ -266,7 +291,6 @@ def _next_light(
     rows, columns = photos.valid.shape[1:]
     x = (on_sheet[:, 0] / on_sheet[:, 2] - (columns - 1) / 2) * tiles.pixel_mm
     y = ((rows - 1) / 2 - on_sheet[:, 1] / on_sheet[:, 2]) * tiles.pixel_mm
-    profile = _profile(photos, tiles, placed, found)
     bright = np.flatnonzero(profile > _LIT * profile.max())
     lit = float(bright[0]) * _PROFILE_STEP, float(bright[-1] + 1) * _PROFILE_STEP
     width = 2 * spread_at_highlight(placed, tiles.pixel_mm) / float(np.mean(lit))

@@ -17,7 +17,7 @@ from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
 from pipeline.optics.flash.common_fit import Common, Sample, common_fit
 from pipeline.optics.flash.constancy import SURE, error_of_common, verdict
 from pipeline.optics.flash.lobes import FWHM
-from pipeline.optics.flash.periods import Orders, best_periods
+from pipeline.optics.flash.periods import ACROSS, Orders, best_periods
 from pipeline.stages.fit._tile_views import Bench, Views, bench, over_blocks, unordered
 
 _log = logging.getLogger(__name__)
@@ -202,12 +202,16 @@ class _Scan:
 
         def read(views: Views, rows: slice) -> None:
             u, v, light = _along(views, self.orientation.orientation_rad[rows])
+            variance = (placed.light_sigma_mm * light) ** 2 + views.rest
+            near = v**2 < ACROSS**2 * variance[1]
+            shares = np.zeros((3, *near.shape))
+            shares[:, near] = views.half.gain[near] * orders.shares(views.half.w[near])
             best_periods(
                 views.brightness,
                 u,
                 v,
-                (placed.light_sigma_mm * light) ** 2 + views.rest,
-                views.half.gain * orders.shares(views.half.w),
+                variance,
+                shares,
                 halves,
                 self.periods,
                 orders.wavelength_um,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Literal
 
 import numpy as np
@@ -12,17 +13,23 @@ from pipeline.data.height_fields import HeightField
 from pipeline.data.pictures import PictureSeries
 from pipeline.devices.sheet_views import WIDEST_VIEW_DEG, blind_camera, camera_view, rectified_view, unusable_counts
 from pipeline.devices.virtual_light import Lighting, check_lighting, white_level
-from pipeline.devices.virtual_sheet import MOST_SAMPLES, POINTS, automatic_sampling, render_sheet
+from pipeline.devices.virtual_sheet import MOST_SAMPLES, POINTS, Sheet, automatic_sampling, render_sheet
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within, zero_or_more
+from pipeline.optics.gratings import order_efficiency, window_spread
 from pipeline.stages.render._sheets import offset_note, sheet_of
 
 # Lobes are steep: orientations that differed by 1.2e-6 rad were seen to change a pixel by 2.6e-5 of white.
 _tolerance_point_light = {"rgb": 5e-4}
 
+_log = logging.getLogger(__name__)
+
 _ANIMATED_PX = 640
 _FRAMES_PER_SECOND = 24.0
 _LONGEST_ORBIT = 720
+_MIDDLE_UM = 0.55
+_NOTHING = 1e-3
+"""Of a grating that shines, below which a display shows next to nothing."""
 _MOST_PIXELS = 300_000_000
 
 
@@ -115,7 +122,8 @@ def point_light(
         Carry the light once around the sheet's normal in so many steps, as an animation of 24 pictures a second, by
         default of 640 pixels along the longer side.
     white_percentile : float
-        The brightest channel of the lit pixels of all pictures at this percentile becomes 1.
+        The brightest channel of the lit pixels of all pictures at this percentile becomes 1. Where nothing shines, 1
+        is what a grating would send whose first order goes to the camera, and there is a warning.
 
     Returns
     -------
@@ -168,7 +176,7 @@ def point_light(
         together=together,
     )
     return PictureSeries(
-        rgb=rgb / white_level(rgb, white_percentile),
+        rgb=rgb / (white_level(rgb, white_percentile) if _lit(rgb, sheet, lighting) else _shining(lighting)),
         light_mm=lighting.lights_mm,
         camera_mm=lighting.camera_mm,
         pixel_mm=float(seen.homography[0, 0]) if view == "rectified" else None,
@@ -176,6 +184,28 @@ def point_light(
         together=together,
         frames_per_second=_FRAMES_PER_SECOND if orbit else None,
     )
+
+
+def _lit(rgb: NDArray[np.float32], sheet: Sheet, lighting: Lighting) -> bool:
+    """Whether pictures show anything but the last tails of lobes, which brightened would be noise."""
+    if rgb.max() > _NOTHING * _shining(lighting):
+        return True
+    if np.isfinite(sheet.period_um).any():
+        _log.warning(
+            "Nothing shines here: no grating sends light of lights_mm to camera_mm, and the pictures are black. A "
+            "grating shows its first order, green at 0.55 um, where light and camera lie (0.55 um / period) x distance "
+            "apart along its orientation."
+        )
+    return False
+
+
+def _shining(lighting: Lighting) -> float:
+    """Least radiance, under any of the lights, of a grating whose first order goes to the camera."""
+    distance = np.linalg.norm(lighting.lights_mm, axis=1)
+    window = float(window_spread(_MIDDLE_UM, lighting.coherence_um)) ** 2
+    light = (lighting.light_sigma_mm / distance.min()) ** 2
+    share = float(order_efficiency(1, 4 * np.pi * lighting.depth_um / _MIDDLE_UM))
+    return share * window / (window + float(light))
 
 
 def _carried_around(light_mm: list[float], steps: int) -> NDArray[np.float64]:

@@ -237,6 +237,13 @@ def _check_picture_design(
         amplitude_ratio=amplitude_ratio,
         ground_reflectance=ground_reflectance,
     )
+    if file.suffix.lower() == ".svg":
+        raise InputError(
+            f"{file.name} is made of shapes, not of pixels",
+            where="file",
+            expected="a picture",
+            hint="maps=vector, or simulate.vector_design, draws shapes",
+        )
     shape = read_photo(file, linear=True).image.shape[:2] if reading == "hue" else grey_picture(file).values.shape
     read_mask(mask, shape)
     if period_file is not None:
