@@ -165,7 +165,7 @@ from pipeline.devices.protocols import Camera
 from pipeline.errors import InputError
 
 
-def photo(*, camera: Camera, times: int = 1) -> PeriodMap:
+def photo(sample: PeriodMap | None = None, *, camera: Camera, times: int = 1) -> PeriodMap:
     """Take a photo."""
     taken = camera.expose()
     return PeriodMap(taken.image * times, ~taken.saturated)

@@ -37,6 +37,7 @@ class _Builder:
         self.errors: list[InputError] = []
         self.dropped: dict[str, tuple[str, ...]] = {}
         self.absent: dict[str, str] = {}
+        self.bare: dict[str, str] = {}
         self.nodes: dict[str, Node] = {}
 
     def build(self) -> Graph:
@@ -52,9 +53,12 @@ class _Builder:
                 for source in upstream or ():
                     self._collect(lambda n=node, p=parameter, s=source: self._check_edge(n, p, s, names))
         order = self._order()
+        if not (self.errors or order):
+            name, why = next(iter(self.absent.items()))
+            self.errors.append(self._error(f"no node is left to run: '{name}' is {why}", "graph"))
         if self.errors:
             raise InputErrors(self.errors)
-        return Graph({name: self.nodes[name] for name in order}, self.absent, self.dropped)
+        return Graph({name: self.nodes[name] for name in order}, self.absent, self.dropped, self.bare)
 
     def _collect(self, check: Any) -> None:
         try:
@@ -271,10 +275,18 @@ class _Builder:
                 problems += several.errors
         if problems:
             raise InputErrors(problems)
-        return DeviceRecipe(entry, settings)
+        return DeviceRecipe(entry, settings, simulated=value.get("simulated") is True)
+
+    def _simulated(self, node: Node) -> str | None:
+        """Where the configuration writes a device of the node that is simulated."""
+        devices = (name for name, one in node.settings.items() if isinstance(one, DeviceRecipe) and one.simulated)
+        return next((self.configuration.followed(f"{node.path}.{name}") for name in devices), None)
 
     def _drop_what_lacks_inputs(self) -> None:
-        """A node whose input is absent does without it if it can, and is absent too if it cannot."""
+        """A node whose input is absent does without it if it can, and is absent too if it cannot.
+
+        A real device captures what lies before it, while a simulated one needs what would lie there.
+        """
         changed = True
         while changed:
             changed = False
@@ -287,12 +299,15 @@ class _Builder:
                     changed = True
                     left = tuple(name for name in upstream or () if name not in self.absent)
                     optional = node.entry.inputs[parameter][1].optional or not node.entry.inputs[parameter][0].required
+                    simulated = self._simulated(node)
                     if left and parameter in node.lists:
                         inputs[parameter] = left
-                    elif optional:
+                    elif optional and simulated is None:
                         inputs[parameter] = None
                     else:
                         self.absent[node.name] = f"needs '{missing[0]}', which is absent"
+                        if optional and simulated is not None:
+                            self.bare[node.name] = f"{simulated} is simulated, and '{missing[0]}' absent"
                         del self.nodes[node.name]
                         break
                 else:

@@ -12,10 +12,11 @@ from pipeline.graph.catalog import Entry
 
 @dataclass(frozen=True)
 class DeviceRecipe:
-    """A device and its settings, not yet built."""
+    """A device and its settings, not yet built; whether it says that it is simulated."""
 
     entry: Entry
     settings: Mapping[str, Any]
+    simulated: bool = False
 
     def walk(self) -> Iterator[DeviceRecipe]:
         """This device and those inside it."""
@@ -123,17 +124,22 @@ class Graph:
         Nodes that this configuration goes without, and why.
     dropped : dict of str to tuple of str
         Settings that YAML wrote for a stage that an override replaced, by node.
+    bare : dict of str to str
+        Those of the absent nodes that have a simulated device and no sample, and both in words.
     """
 
     nodes: Mapping[str, Node]
     absent: Mapping[str, str] = field(default_factory=dict)
     dropped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    bare: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What the user should know."""
-        return tuple(
+        lacking = (
             f"{name}: {self.nodes[name].entry.name} has no {', '.join(settings)}; left out"
             for name, settings in self.dropped.items()
             if name in self.nodes
         )
+        bare = (f"{name} and what needs it are left out: {why}" for name, why in self.bare.items())
+        return (*lacking, *bare)

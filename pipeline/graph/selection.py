@@ -29,7 +29,7 @@ def until(graph: Graph, wanted: Any) -> Graph:
             waiting += graph.nodes[name].upstream()
     left_out = {name: f"not needed for {', '.join(names)} (until)" for name in graph.nodes if name not in kept}
     nodes = {name: node for name, node in graph.nodes.items() if name in kept}
-    return Graph(nodes, {**graph.absent, **left_out}, graph.dropped)
+    return Graph(nodes, {**graph.absent, **left_out}, graph.dropped, graph.bare)
 
 
 def forced(graph: Graph, start: Any, anew: Any) -> dict[str, str]:

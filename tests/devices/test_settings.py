@@ -31,6 +31,7 @@ GIVEN = {
     "rig": RIG,
     "pitch_um": 0.1,
     "name": "elaphe",
+    "period_um": 1.6,
 }
 OPTICS = {"phase_deg", "retardation_deg", "film_axis_deg"}
 EITHER_SIGN = {

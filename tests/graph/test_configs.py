@@ -34,7 +34,7 @@ def of_one_kind() -> Iterator[tuple[str, str]]:
 @pytest.mark.parametrize(("experiment", "rig"), list(of_one_kind()))
 def test_every_experiment_is_right_on_every_rig(experiment: str, rig: str) -> None:
     graph = Experiment.load([f"+experiment={experiment}", f"rig={rig}", *RIG_WORDS.get(rig, [])]).graph
-    assert "fit" in graph.nodes
+    assert ("fit" in graph.nodes) == (experiment != "flash_stochastic" or rig.endswith("simulated"))  # needs a filter
     assert ("sample" in graph.nodes) == rig.endswith("simulated")
     assert ("evaluate" in graph.nodes) == rig.endswith("simulated")
 

@@ -43,6 +43,28 @@ def test_a_capture_with_other_settings_is_another(lab: Toys) -> None:
     assert reasons["photo"] == "run: camera.light.watts changed: 41.0 -> 42.0"
 
 
+def test_a_simulated_capture_is_left_out_where_its_sample_is_and_a_real_one_is_not(toys: Toys) -> None:
+    camera = "camera: {device: lab.Webcam, simulated: SIMULATED, light: {device: lab.Lamp, watts: 40}}"
+    graph = """
+    sample: {stage: toy.source, when: false}
+    photo: {stage: toy.photo, sample: sample, CAMERA}
+    big: {stage: toy.scale, maps: photo}
+    other: {stage: toy.source}
+    """.replace("CAMERA", camera)
+    toys.graph(graph.replace("SIMULATED", "true"))
+    simulated = toys.load().graph
+    assert set(simulated.nodes) == {"other"}
+    assert simulated.remarks == (
+        "photo and what needs it are left out: graph.photo.camera is simulated, and 'sample' absent",
+    )
+    with pytest.raises(InputErrors, match="no node is left to run: 'sample' is left out here"):
+        toys.load("graph.other=null")
+    toys.graph(graph.replace("SIMULATED", "false"))
+    real = toys.load().graph
+    assert set(real.nodes) == {"photo", "big", "other"}
+    assert real.remarks == ()
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [

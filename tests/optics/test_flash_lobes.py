@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 from pipeline.optics.flash.constancy import common_variation
 from pipeline.optics.flash.distribution import Bins, sharpened
 from pipeline.optics.flash.highlight import bright_spot
-from pipeline.optics.flash.lobes import half_vectors, light_above, light_sigma, lobe_variance, mirror_point
+from pipeline.optics.flash.lobes import (
+    half_vectors,
+    light_above,
+    light_sigma,
+    light_variance,
+    mirror_point,
+    point_variance,
+)
 from pipeline.optics.flash.next_light import BINS, directions_seen
 from pipeline.optics.flash.periods import Orders, order_sum
 
@@ -46,11 +53,24 @@ def test_light_and_eye_in_one_place_see_twice_the_sine() -> None:
 
 def test_a_lobe_is_as_wide_as_the_light_is_seen_and_its_size_follows_from_it() -> None:
     half = half_vectors(0.0, 0.0, np.array([0.0, 0.0, 250.0]), np.array([0.0, 0.0, 500.0]))
-    variance = lobe_variance(half, light_sigma_mm=5.0, coherence_um=65.0, wavelength_um=0.53, pixel_mm=0.0)
+    variance = light_variance(half, 5.0) + point_variance(half, coherence_um=65.0, wavelength_um=0.53, pixel_mm=0.0)
     window = 0.53 / (2 * np.pi * np.sqrt(2) * 65 / 4)
     assert variance == pytest.approx(0.02**2 + window**2)
     spread = float(np.sqrt(variance))
     assert light_sigma(spread, light_mm=250.0, coherence_um=65.0, wavelength_um=0.53) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    ("light", "eye", "part"),
+    [((0.0, 150.0, 200.0), (0.0, 100.0, 500.0), 1.0), ((150.0, 0.0, 200.0), (-300.0, 240.0, 320.0), 1 - 0.6**2)],
+)
+def test_a_light_is_foreshortened_by_its_slant_across_the_half_vector(
+    light: tuple[float, float, float], eye: tuple[float, float, float], part: float
+) -> None:
+    """Half vectors point along y in both; the light stands aslant along them, and at (0.6, 0, 0.8) across them."""
+    half = half_vectors(0.0, 0.0, np.array(light), np.array(eye))
+    assert half.x == pytest.approx(0.0)
+    assert light_variance(half, 5.0) == pytest.approx(part * (5 / 250) ** 2)
 
 
 def test_orders_lie_where_the_grating_equation_puts_them_and_keep_their_light() -> None:

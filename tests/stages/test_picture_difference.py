@@ -42,3 +42,9 @@ def test_pictures_under_a_torch_compare_alike() -> None:
     assert (
         picture_difference(first, second).metrics == picture_difference(pictures(0.5, 0.25), pictures(1, 0.25)).metrics
     )
+
+
+def test_pictures_of_another_contrast_correlate_and_even_ones_do_not() -> None:
+    first, second = pictures(0.5, 0.25), pictures(1.0, 0.25)
+    assert picture_difference(first, second, white_percentile=100.0).metrics["picture_correlation"] == pytest.approx(1)
+    assert "picture_correlation" not in picture_difference(pictures(1.0, 1.0), second).metrics

@@ -18,6 +18,8 @@ from pipeline.optics.gratings import window_spread
 Float64Array = NDArray[np.float64]
 FWHM = float(2 * np.sqrt(2 * np.log(2)))
 """Full width at half maximum of a Gaussian in units of its standard deviation."""
+_UPRIGHT = 1e-9
+"""Length of a half vector that has no direction: in the highlight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,13 @@ class HalfVectors:
     def azimuth_rad(self) -> Float64Array:
         """Direction of the part in the plane: that of the tangents which diffract here."""
         return np.arctan2(self.y, self.x)
+
+    def light_along(self, x: Float64Array, y: Float64Array) -> Float64Array:
+        """Half vectors that a millimetre of the light's extent is along a unit vector (x, y) of the plane.
+
+        It is foreshortened where the light stands aslant in that direction.
+        """
+        return np.asarray(np.sqrt(1 - (self.light_x * x + self.light_y * y) ** 2) / self.light_mm)
 
 
 def half_vectors(x_mm: ArrayLike, y_mm: ArrayLike, light_mm: Float64Array, eye_mm: Float64Array) -> HalfVectors:
@@ -94,13 +103,16 @@ def light_above(highlight_mm: ArrayLike, light_height_mm: ArrayLike, eye_mm: Arr
     return np.concatenate([beyond, height], axis=-1)
 
 
-def lobe_variance(
-    half: HalfVectors, *, light_sigma_mm: float, coherence_um: float, wavelength_um: float, pixel_mm: float
-) -> Float64Array:
-    """Variance of a lobe across the tangent, in half vectors: light, coherence window and pixel."""
-    light = light_sigma_mm / half.light_mm
+def point_variance(half: HalfVectors, *, coherence_um: float, wavelength_um: float, pixel_mm: float) -> Float64Array:
+    """Variance of a lobe of a light without extent, in half vectors: coherence window and pixel."""
     pixel = pixel_mm * (1 / half.light_mm + 1 / half.eye_mm)
-    return np.asarray(light**2 + window_spread(wavelength_um, coherence_um) ** 2 + pixel**2 / 12)
+    return np.asarray(window_spread(wavelength_um, coherence_um) ** 2 + pixel**2 / 12)
+
+
+def light_variance(half: HalfVectors, light_sigma_mm: float) -> Float64Array:
+    """What the light's extent adds to it across the tangents that diffract here."""
+    length = np.maximum(half.length, _UPRIGHT)
+    return np.asarray((light_sigma_mm * half.light_along(-half.y / length, half.x / length)) ** 2)
 
 
 def light_sigma(spread: float, *, light_mm: float, coherence_um: float, wavelength_um: float) -> float:

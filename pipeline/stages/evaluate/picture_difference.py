@@ -30,7 +30,8 @@ def picture_difference(
     Metrics
         ``picture_error_max_percent``, the largest difference of any colour relative to the references' largest value;
         ``picture_error_rms_percent``, the root mean square difference of the pictures encoded for a display, of full
-        scale; ``picture_light_percent``, the sum of all light relative to the references'.
+        scale; ``picture_light_percent``, the sum of all light relative to the references'; ``picture_correlation`` of
+        the encoded pictures, left out where one is even.
 
     Raises
     ------
@@ -45,14 +46,15 @@ def picture_difference(
     if not lit.any():
         raise InputError("the reference is black", expected="light on some pixel")
     white = np.percentile(second.max(axis=-1)[lit], white_percentile)
-    encoded = encode_srgb(first[lit] / white) - encode_srgb(second[lit] / white)
-    return Metrics(
-        {
-            "picture_error_max_percent": 100 * float(np.abs(first - second).max() / second.max()),
-            "picture_error_rms_percent": 100 * float(np.sqrt((encoded.astype(np.float64) ** 2).mean())),
-            "picture_light_percent": 100 * float(first.sum() / second.sum()),
-        }
-    )
+    encoded = [encode_srgb(part[lit] / white).astype(np.float64).ravel() for part in (first, second)]
+    metrics = {
+        "picture_error_max_percent": 100 * float(np.abs(first - second).max() / second.max()),
+        "picture_error_rms_percent": 100 * float(np.sqrt(((encoded[0] - encoded[1]) ** 2).mean())),
+        "picture_light_percent": 100 * float(first.sum() / second.sum()),
+    }
+    if min(np.ptp(part) for part in encoded) > 0:
+        metrics["picture_correlation"] = float(np.corrcoef(encoded[0], encoded[1])[0, 1])
+    return Metrics(metrics)
 
 
 def _check_picture_difference(*, white_percentile: float) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.data.flash import FlashPhotographs, Tiles
 from pipeline.data.flash_maps import Highlights
 from pipeline.errors import InputError
-from pipeline.optics.flash.lobes import HalfVectors, half_vectors, light_above, lobe_variance
+from pipeline.optics.flash.lobes import HalfVectors, half_vectors, light_above, light_variance, point_variance
 from pipeline.parallel import over_rows
 
 Float32Array = NDArray[np.float32]
@@ -68,11 +68,14 @@ class Views:
         At each place.
     spread : ndarray
         Standard deviation of a lobe across the tangent, in half vectors.
+    rest : ndarray
+        Its variance for a light without extent.
     """
 
     brightness: Float32Array
     half: HalfVectors
     spread: Float64Array
+    rest: Float64Array
 
     @property
     def azimuth(self) -> Float32Array:
@@ -158,7 +161,9 @@ def over_blocks(photos: FlashPhotographs, tiles: Tiles, placed: Bench, read: Cal
         half = HalfVectors(
             *(np.concatenate([getattr(part, name) for part in parts]) for name in HalfVectors.__dataclass_fields__)
         )
-        read(Views(brightness.reshape(-1, *r.shape), half, np.sqrt(_variance(half, placed, pixel))), slice(first, last))
+        rest = _rest(half, placed, pixel)
+        spread = np.sqrt(rest + light_variance(half, placed.light_sigma_mm))
+        read(Views(brightness.reshape(-1, *r.shape), half, spread, rest), slice(first, last))
 
     over_rows(gather, tiles.shape[0], tile=BLOCK)
 
@@ -179,14 +184,8 @@ def _readable(brightness: Float32Array, valid: NDArray[np.bool_]) -> NDArray[np.
     return np.asarray(valid & ~(lit & (brightness < _LEAK * around)))
 
 
-def _variance(half: HalfVectors, placed: Bench, pixel_mm: float) -> Float64Array:
-    return lobe_variance(
-        half,
-        light_sigma_mm=placed.light_sigma_mm,
-        coherence_um=placed.coherence_um,
-        wavelength_um=placed.wavelength_um,
-        pixel_mm=pixel_mm,
-    )
+def _rest(half: HalfVectors, placed: Bench, pixel_mm: float) -> Float64Array:
+    return point_variance(half, coherence_um=placed.coherence_um, wavelength_um=placed.wavelength_um, pixel_mm=pixel_mm)
 
 
 def spread_at_highlight(placed: Bench, pixel_mm: float) -> float:
@@ -199,7 +198,7 @@ def _highlight(placed: Bench, index: int, pixel_mm: float) -> tuple[float, float
     half = half_vectors(
         placed.highlight_mm[index, 0], placed.highlight_mm[index, 1], placed.light_mm[index], placed.eye_mm
     )
-    spread = float(np.sqrt(_variance(half, placed, pixel_mm)))
+    spread = float(np.sqrt(_rest(half, placed, pixel_mm) + light_variance(half, placed.light_sigma_mm)))
     return spread, spread / float(1 / half.light_mm + 1 / half.eye_mm)
 
 

@@ -209,8 +209,7 @@ def _fit_lobes(photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDA
         profile[profile < _DARK * profile.max()] = 0
 
         def improve(views: Views, rows: slice, profile: NDArray[np.float64] = profile) -> None:
-            length, gain = views.half.length.astype(np.float32), views.half.gain.astype(np.float32)
-            by_lobe(views.brightness, views.azimuth, views.width, length, gain, profile, _PROFILE_STEP, found[:, rows])
+            by_lobe(*_lobe_views(views), profile, _PROFILE_STEP, found[:, rows])
 
         over_blocks(photos, tiles, placed, improve)
 
@@ -221,13 +220,18 @@ def _profile(photos: FlashPhotographs, tiles: Tiles, placed: Bench, found: NDArr
 
     def add(views: Views, rows: slice) -> None:
         part = np.zeros((2, _PROFILE_BINS))
-        length, gain = views.half.length.astype(np.float32), views.half.gain.astype(np.float32)
-        add_profile(views.brightness, views.azimuth, views.width, length, gain, found[:, rows], _PROFILE_STEP, part)
+        add_profile(*_lobe_views(views), found[:, rows], _PROFILE_STEP, part)
         parts.append(part)
 
     over_blocks(photos, tiles, placed, add)
     bright, weight = np.sum(parts, axis=0)
     return np.asarray(bright / np.maximum(weight, 1e-30))
+
+
+def _lobe_views(views: Views) -> tuple[NDArray[np.float32], ...]:
+    """Brightness, direction, width, half vector and gain of each view; a lobe that is wider is less bright."""
+    length, gain = views.half.length.astype(np.float32), (views.half.gain / views.spread).astype(np.float32)
+    return views.brightness, views.azimuth, views.width, length, gain
 
 
 def _turn_within(tangent: NDArray[np.float32], tiles: Tiles) -> NDArray[np.float32]:

@@ -202,12 +202,11 @@ class _Scan:
 
         def read(views: Views, rows: slice) -> None:
             u, v, light = _along(views, self.orientation.orientation_rad[rows])
-            rest = views.spread**2 - (placed.light_sigma_mm / views.half.light_mm) ** 2
             best_periods(
                 views.brightness,
                 u,
                 v,
-                (placed.light_sigma_mm * light) ** 2 + rest,
+                (placed.light_sigma_mm * light) ** 2 + views.rest,
                 views.half.gain * orders.shares(views.half.w),
                 halves,
                 self.periods,
@@ -247,8 +246,7 @@ class _Scan:
             known = np.zeros_like(u) if period_um is None else np.broadcast_to(period_um[rows], u.shape)
             near = (v**2 < (_ACROSS * views.spread) ** 2) & alone[rows]
             near &= np.isfinite(views.brightness) & np.isfinite(known)
-            rest = views.spread**2 - (self.placed.light_sigma_mm / views.half.light_mm) ** 2
-            columns = (views.brightness, u, v, views.half.w, views.half.gain, *light, rest, known)
+            columns = (views.brightness, u, v, views.half.w, views.half.gain, *light, views.rest, known)
             parts.append(np.stack([column[near][::every] for column in columns]).astype(np.float64))
 
         over_blocks(self.photos, self.tiles, self.placed, read)
@@ -258,14 +256,10 @@ class _Scan:
 
 
 def _along(views: Views, orientation_rad: Array) -> tuple[NDArray[np.float64], ...]:
-    """Half vectors along the tangent and across it, and what a millimetre of light is in them, shape (2, ...).
-
-    The light's extent is foreshortened in the direction in which it stands aslant.
-    """
+    """Half vectors along the tangent and across it, and what a millimetre of light is in them, shape (2, ...)."""
     cosine, sine = np.cos(orientation_rad, dtype=np.float64), np.sin(orientation_rad, dtype=np.float64)
     half = views.half
-    on_tangent, across = half.light_x * cosine + half.light_y * sine, half.light_y * cosine - half.light_x * sine
-    light = np.sqrt(1 - np.stack([on_tangent, across]) ** 2) / half.light_mm
+    light = np.stack([half.light_along(cosine, sine), half.light_along(-sine, cosine)])
     return half.x * cosine + half.y * sine, half.y * cosine - half.x * sine, light
 
 

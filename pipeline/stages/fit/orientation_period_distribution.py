@@ -12,7 +12,7 @@ from pipeline.data.flash_maps import GratingDistribution, Highlights
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, at_least, refuse, within, zero_or_more
 from pipeline.optics.flash.distribution import Bins, sharpened
-from pipeline.optics.flash.lobes import half_vectors, lobe_variance
+from pipeline.optics.flash.lobes import half_vectors, light_variance, point_variance
 from pipeline.stages.fit._tile_views import bench, unordered
 
 _log = logging.getLogger(__name__)
@@ -146,13 +146,8 @@ def orientation_period_distribution(
         plane, count = bins.means(half.azimuth_rad, period, brightness / half.gain)
         seen = count >= _FEW_PIXELS
         plane = np.maximum(plane - np.percentile(plane[seen], _PAPER_PERCENTILE), 0) if seen.any() else plane
-        variance = lobe_variance(
-            half,
-            light_sigma_mm=placed.light_sigma_mm,
-            coherence_um=coherence_um,
-            wavelength_um=wavelength / 1000,
-            pixel_mm=pixel,
-        )
+        window = {"coherence_um": coherence_um, "wavelength_um": wavelength / 1000}
+        variance = light_variance(half, placed.light_sigma_mm) + point_variance(half, **window, pixel_mm=pixel)
         width, _ = bins.means(half.azimuth_rad, period, np.where(usable, variance, np.nan))
         found, second = sharpened(plane, seen, width, wavelength / 1000, bins, _STEPS)
     if not found.any():
