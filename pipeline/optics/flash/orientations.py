@@ -141,6 +141,22 @@ def _lobe(
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
+def _spread(scores: Any, best: int, views: float) -> float:
+    """Standard deviation, in steps around the best, of tangents that explain the views about as well.
+
+    Where views are few, none may lie on one side of the tangent, and a lobe that leaves them goes unnoticed. ``views``
+    is how many count, each with the error of a lobe's shape and what the best lobe leaves.
+    """
+    noise = 2 * (_MODEL_ERROR**2 + 1 - scores[best])
+    total = square = 0.0
+    for k in range(scores.size):
+        likely = np.exp(-views * (scores[best] - scores[k]) / noise)
+        total += likely
+        square += likely * (k - best) ** 2
+    return float(np.sqrt(square / total))
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
 def by_lobe(
     brightness: Any, azimuth: Any, width: Any, length: Any, gain: Any, profile: Any, step: float, found: Any
 ) -> None:
@@ -175,20 +191,23 @@ def by_lobe(
             if count < 2 or wide == 0.0:
                 continue
             spacing = 6 * wide / (_STEPS - 1)
-            best = 0
+            best, bright, fourth = 0, 0.0, 0.0
             for k in range(_STEPS):
                 tangent = start + (k - _STEPS // 2) * spacing
-                cross = norm = 0.0
+                cross = norm = power = 0.0
                 for n in range(count):
                     i = use[n]
                     lobe, _ = _lobe(i, row, column, tangent, azimuth, width, length, gain, profile, step)
                     cross += brightness[i, row, column] * lobe
                     norm += lobe * lobe
+                    power += lobe**4
                 scores[k] = cross * cross / max(norm * square, 1e-30)
                 if scores[k] > scores[best]:
-                    best = k
+                    best, bright, fourth = k, norm, power
             found[AGREEMENT, row, column] = np.sqrt(scores[best])
+            doubt = _spread(scores, best, bright**2 / max(fourth, 1e-30)) * spacing
             if best in (0, _STEPS - 1):
+                found[ERROR, row, column] = max(found[ERROR, row, column], doubt)
                 continue
             left, middle, right = scores[best - 1], scores[best], scores[best + 1]
             bend = 2 * middle - left - right
@@ -214,4 +233,5 @@ def by_lobe(
                 bread += slope * slope
                 meat += slope * slope * (left_over * left_over + (_MODEL_ERROR * height * lobe) ** 2)
             if bread > 0:
-                found[ERROR, row, column] = min(np.sqrt(meat * count / max(count - 2, 1)) / bread, 2 * wide)
+                error = min(np.sqrt(meat * count / max(count - 2, 1)) / bread, 2 * wide)
+                found[ERROR, row, column] = max(error, doubt)
