@@ -12,9 +12,9 @@ from pipeline.limits import refuse
 
 
 def misread_distances(
-    photos: FlashPhotographs, *, light_percent: float = 0.0, camera_percent: float = 0.0, beside: bool = True
+    photos: FlashPhotographs, *, light_percent: float = 0.0, camera_percent: float = 0.0
 ) -> FlashPhotographs:
-    """Falsify the stated distances of flash and camera from the sheet; the photographs stay.
+    """Falsify the stated distances of flash and camera from the sheet; x, y and the photographs stay.
 
     Parameters
     ----------
@@ -22,8 +22,6 @@ def misread_distances(
         Whose places are known.
     light_percent, camera_percent : float
         By how much what is written down exceeds the true distance.
-    beside : bool
-        Whether the places' x and y are known, and right; otherwise they have to be told from the highlight.
 
     Raises
     ------
@@ -34,16 +32,16 @@ def misread_distances(
     light, camera = photos.light_mm.astype(np.float64), photos.camera_mm.astype(np.float64)
     light[:, 2] *= 1 + light_percent / 100
     camera[2] *= 1 + camera_percent / 100
-    if not beside:
-        light[:, :2] = np.nan
-        camera[:2] = np.nan
     return dataclasses.replace(photos, light_mm=light, camera_mm=camera)
 
 
 def _check_misread_distances(*, light_percent: float, camera_percent: float, **_: object) -> None:
     """Refuse places behind the sheet before anything runs."""
+    stated = {"light_percent": light_percent, "camera_percent": camera_percent}
     refuse(
-        InputError(f"{name} is {value:g}", where=name, expected="more than -100")
-        for name, value in {"light_percent": light_percent, "camera_percent": camera_percent}.items()
-        if not value > -100
+        [
+            InputError(f"{name} is {value:g}", where=name, expected="more than -100")
+            for name, value in stated.items()
+            if not value > -100
+        ]
     )
