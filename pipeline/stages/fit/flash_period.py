@@ -32,6 +32,8 @@ _ACROSS = 2.0
 _SMOOTH_RAD = float(np.deg2rad(6))
 """Turn from a pixel to its neighbours above which it may hold two gratings, and tells nothing of what all share."""
 _FEW_SMOOTH = 0.1
+_UNEXPLAINED = 0.12
+"""Residual, relative to brightness, beyond which there is a warning."""
 _DOUBTFUL = 0.2
 """The same, beyond which a pixel's period is not known."""
 _UNFILTERED_BANDWIDTH_NM = 100.0
@@ -168,6 +170,10 @@ def flash_period(
         metrics["period_um"] = one.period_um or np.nan
         error = np.full_like(error, error_of_common(np.where(sure, period, np.nan)))
         period = np.full_like(period, metrics["period_um"])
+    if common.residual > _UNEXPLAINED:
+        _log.warning(
+            "lobes leave %.0f percent of the brightness unexplained: periods are doubtful", 100 * common.residual
+        )
     metrics |= {
         "light_sigma_mm": common.light_sigma_mm,
         "depth_um": common.orders.depth_um or 0.0,
