@@ -112,6 +112,15 @@ def test_without_places_they_follow_from_the_highlight_and_distances(
         flash_orientation(blind, SPACED, highlight(blind), camera_distance_mm=500.0)
 
 
+def test_fewer_photographs_than_asked_for_are_told(
+    white: FlashPhotographs, measured: OrientationMap, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO, "pipeline"):
+        found = flash_orientation(white, SPACED, highlight(white), photographs=5)
+    assert "there are 3 photographs, not 5" in caplog.text
+    assert np.array_equal(found.orientation_rad, measured.orientation_rad, equal_nan=True)
+
+
 def test_what_was_never_lit_stays_unknown_until_the_next_flash_shows_it(caplog: pytest.LogCaptureFixture) -> None:
     few = laid_tiles((SIDE, SIDE), (4, 3), PIXEL)
 

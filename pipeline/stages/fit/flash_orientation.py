@@ -136,6 +136,8 @@ def flash_orientation(
         coherence_um=coherence_um,
     )
     if photographs is not None:
+        if photographs > len(photos.radiance):
+            _log.info("there are %d photographs, not %d: all are read", len(photos.radiance), photographs)
         photos = replace(
             photos,
             radiance=photos.radiance[:photographs],
