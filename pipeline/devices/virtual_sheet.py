@@ -19,7 +19,7 @@ from pipeline.errors import InputError
 from pipeline.optics.colour import encode_srgb
 from pipeline.optics.gratings import window_spread
 from pipeline.optics.sheet import tabulated
-from pipeline.optics.sheet.colour_table import ColourTable, colour_table
+from pipeline.optics.sheet.colour_table import ColourTable, Precision, colour_table
 from pipeline.optics.sheet.extent import Extent, extent
 from pipeline.optics.sheet.maps import Bumps, Tiled, prepared_gratings, sample_rows, slope_rows
 from pipeline.optics.sheet.view import View
@@ -138,7 +138,7 @@ def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tol
     table = None
     if few.rows * few.columns * len(lighting.lights_mm) * (2 * most) ** 2 >= _WORTH_A_TABLE:
         with suppress(ValueError):
-            table = _table(sheet, view, lighting, 1.0, tolerance)
+            table = _table(sheet, view, lighting, 1.0, tolerance, "single")
 
     def painted(seen: View, part: float) -> Paint:
         if table is None:
@@ -192,6 +192,7 @@ def render_sheet(
     evaluator: Evaluator = "spectral",
     sampling: Sampling = POINTS,
     tolerance: float = 0.01,
+    precision: Precision = "single",
     together: bool = False,
 ) -> Image:
     """Relative radiance of a sheet under lights, linear sRGB of shape (lights, rows, columns, 3).
@@ -206,6 +207,8 @@ def render_sheet(
         How a pixel's area is covered.
     tolerance : float
         Largest error of a look-up, relative to white.
+    precision : {"single", "double"}
+        Of look-ups.
     together : bool
         Add all lights up to one picture.
     """
@@ -220,7 +223,7 @@ def render_sheet(
         illuminant=lighting.illuminant,
         tolerance=tolerance,
     )
-    add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance)
+    add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance, precision)
     steps = count * sampling.samples**2
     done = 0
     for sample in offsets(sampling.samples):
@@ -237,7 +240,13 @@ Paint = Callable[[Image, NDArray[np.float64]], None]
 
 
 def _chosen(
-    sheet: Sheet, view: View, lighting: Lighting, evaluator: Evaluator, sampling: Sampling, tolerance: float
+    sheet: Sheet,
+    view: View,
+    lighting: Lighting,
+    evaluator: Evaluator,
+    sampling: Sampling,
+    tolerance: float,
+    precision: Precision,
 ) -> Callable[[View], Paint]:
     """What paints a view, by the evaluator that is asked for, or that pays."""
     work = view.rows * view.columns * len(lighting.lights_mm) * sampling.samples**2
@@ -246,7 +255,7 @@ def _chosen(
         warn_of_aliasing(sheet.period_um, lighting)
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     try:
-        table = _table(sheet, view, lighting, sampling.pixel_part, tolerance)
+        table = _table(sheet, view, lighting, sampling.pixel_part, tolerance, precision)
     except ValueError as problem:
         if evaluator == "tabulated":
             raise InputError(str(problem), where="evaluator", expected="spectral, or a larger tolerance") from None
@@ -277,7 +286,8 @@ def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> 
 
 
 def _looked_up(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, table: ColourTable) -> Paint:
-    gratings, slopes = shown(sheet.gratings, view), shown_slopes(sheet, view)
+    gratings = shown(sheet.gratings, view).astype(table.orders.dtype, copy=False)
+    slopes = shown_slopes(sheet, view)
 
     def paint(picture: Image, light_mm: NDArray[np.float64]) -> None:
         def shade(first: int, last: int) -> None:
@@ -298,7 +308,9 @@ def _looked_up(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, 
     return paint
 
 
-def _table(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tolerance: float) -> ColourTable:
+def _table(
+    sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tolerance: float, precision: Precision
+) -> ColourTable:
     occurring = _extents(sheet, view, lighting, pixel_part)
     return colour_table(
         occurring,
@@ -309,6 +321,7 @@ def _table(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tole
         orders=lighting.orders,
         tolerance=tolerance,
         normal_reflectance=lighting.normal_reflectance,
+        precision=precision,
     )
 
 
