@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.devices.sheet_theory import warn_of_theory
 from pipeline.devices.virtual_light import Image, Lighting, add_light, warn_of_aliasing, white_level
 from pipeline.errors import InputError
 from pipeline.optics.colour import encode_srgb
@@ -21,7 +22,6 @@ from pipeline.optics.sheet import tabulated
 from pipeline.optics.sheet.colour_table import ColourTable, colour_table
 from pipeline.optics.sheet.extent import Extent, extent
 from pipeline.optics.sheet.maps import Bumps, Tiled, prepared_gratings, sample_rows, slope_rows
-from pipeline.optics.sheet.validity import evanescent_share, expansion_error
 from pipeline.optics.sheet.view import View
 from pipeline.parallel import over_rows
 from pipeline.progress import advance
@@ -37,7 +37,6 @@ MOST_SAMPLES = 32
 _MOST_CHOSEN = 16
 _LIT = 1e-3
 """Of the brightest, below which a display shows next to nothing."""
-_TOLERATED_EVANESCENT = 0.1
 _SHORTEST_UM = 0.38
 
 _log = logging.getLogger(__name__)
@@ -214,7 +213,13 @@ def render_sheet(
     rgb = np.zeros((1 if together else count, view.rows, view.columns, 3), np.float32)
     if not np.isfinite(sheet.period_um).any():
         return rgb
-    _warn_of_theory(sheet, lighting, tolerance)
+    warn_of_theory(
+        sheet.period_um,
+        depth_um=lighting.depth_um,
+        orders=lighting.orders,
+        illuminant=lighting.illuminant,
+        tolerance=tolerance,
+    )
     add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance)
     steps = count * sampling.samples**2
     done = 0
@@ -226,26 +231,6 @@ def render_sheet(
             advance(done, steps)
     rgb /= np.float32(sampling.samples**2)
     return rgb
-
-
-def _warn_of_theory(sheet: Sheet, lighting: Lighting, tolerance: float) -> None:
-    """Say so where scalar diffraction, or the paper's expansion of it, does not hold."""
-    depth, light = lighting.depth_um, lighting.illuminant
-    if lighting.orders == "second order" and (error := expansion_error(depth, light)) > tolerance:
-        _log.warning(
-            "Orders expanded to the second power of a depth of %g um err by %.2g percent of the light; orders=exact "
-            "does not.",
-            depth,
-            100 * error,
-        )
-    shortest = float(np.nanmin(sheet.period_um))
-    if (lost := evanescent_share(shortest, depth, light)) > _TOLERATED_EVANESCENT:
-        _log.warning(
-            "Scalar diffraction sends %.2g percent of the light of gratings of %.3g um into orders that cannot leave: "
-            "colours there are not to be trusted.",
-            100 * lost,
-            shortest,
-        )
 
 
 Paint = Callable[[Image, NDArray[np.float64]], None]
