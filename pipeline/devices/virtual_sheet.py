@@ -107,17 +107,9 @@ def automatic_sampling(
 
     Twice as many along a side are compared on some of the pixels, by the root mean square of what a display shows.
     """
-    most = min(_MOST_CHOSEN, max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01))))
+    most = most_samples(sheet, view)
     if samples is None and most > 1 and np.isfinite(sheet.period_um).any():
-        samples, left = _enough_samples(sheet, view, lighting, most, tolerance)
-        enough = left <= tolerance
-        (_log.info if enough else _log.warning)(
-            "Each pixel is the mean of %d x %d points; twice as many a side change what is shown by %.2g percent%s.",
-            samples,
-            samples,
-            100 * left,
-            "" if enough else f": samples={2 * samples} averages those, and takes four times as long",
-        )
+        samples = enough_samples(_averaged(sheet, view, lighting, most, tolerance), most, tolerance)
     samples = samples or 1
     part = _pixel_part(sheet, view, lighting, samples, tolerance)
     if part:
@@ -132,8 +124,47 @@ def _pixel_part(sheet: Sheet, view: View, lighting: Lighting, samples: int, tole
     return 1 / samples if occurring.pixel_variance > tolerance * narrowest else 0.0
 
 
-def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tolerance: float) -> tuple[int, float]:
-    """Points along a side of a pixel, at most so many, and by how much twice as many change what is lit."""
+def most_samples(sheet: Sheet, view: View) -> int:
+    """Points of the maps along a side of a pixel, of which more would show nothing new; not too many."""
+    return min(_MOST_CHOSEN, max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01))))
+
+
+def enough_samples(averaged: Callable[[int], Image], most: int, tolerance: float) -> int:
+    """Points along a side of a pixel of which twice as many change little; says so.
+
+    Parameters
+    ----------
+    averaged : callable
+        The picture, shape (..., 3), by so many points along a side.
+    most : int
+        Of these at most.
+    tolerance : float
+        Root mean square of what a display shows.
+    """
+    samples, picture, left = 1, averaged(1), 0.0
+    while True:
+        finer = averaged(2 * samples)
+        lit = finer.max(axis=-1) > _LIT * finer.max()
+        if lit.any():
+            white = white_level(finer, 99.5)
+            change = encode_srgb(finer[lit] / white) - encode_srgb(picture[lit] / white)
+            left = float(np.sqrt(np.mean(change**2)))
+        if left <= tolerance or samples >= most:
+            break
+        samples, picture = 2 * samples, finer
+    enough = left <= tolerance
+    (_log.info if enough else _log.warning)(
+        "Each pixel is the mean of %d x %d points; twice as many a side change what is shown by %.2g percent%s.",
+        samples,
+        samples,
+        100 * left,
+        "" if enough else f": samples={2 * samples} averages those, and takes four times as long",
+    )
+    return samples
+
+
+def _averaged(sheet: Sheet, view: View, lighting: Lighting, most: int, tolerance: float) -> Callable[[int], Image]:
+    """Some of the pixels, by points along their sides."""
     few, every = _few(view)
     table = None
     if few.rows * few.columns * len(lighting.lights_mm) * (2 * most) ** 2 >= _WORTH_A_TABLE:
@@ -154,34 +185,7 @@ def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tol
                 paint(picture, light)
         return rgb / np.float32(samples**2)
 
-    samples, picture, left = 1, mean(1), 0.0
-    while True:
-        finer = mean(2 * samples)
-        lit = finer.max(axis=-1) > _LIT * finer.max()
-        if lit.any():
-            white = white_level(finer, 99.5)
-            change = encode_srgb(finer[lit] / white) - encode_srgb(picture[lit] / white)
-            left = float(np.sqrt(np.mean(change**2)))
-        if left <= tolerance or samples >= most:
-            return samples, left
-        samples, picture = 2 * samples, finer
-
-
-def automatic_samples(sheet: Sheet, view: View, samples: int | None) -> int:
-    """Points along a pixel's side: as many as are asked for, or points of the maps that it shows."""
-    if samples is None:
-        wanted = max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01)))
-        samples = min(wanted, MOST_SAMPLES)
-        if wanted > samples:
-            _log.warning(
-                "A pixel shows %d points of the maps along a side, and %d are looked at: fine patterns may be grainy; "
-                "a larger size_px shows fewer in a pixel",
-                wanted,
-                samples,
-            )
-        elif samples > 1:
-            _log.info("Each pixel is the mean of %d x %d points of the maps.", samples, samples)
-    return samples
+    return mean
 
 
 def render_sheet(
