@@ -86,6 +86,8 @@ def test_exposures_are_taken_from_the_files_where_nothing_is_stated(tmp_path: Pa
         ("kind: flash\nphotos: [{file: a.png, light: 0}]", r"'0' is no number of a light"),
         ("kind: flash\nphotos: [{file: a.png, light: 2}]", r"have the lights \[2\][\s\S]*every number from 1 to 1"),
         ("kind: flash\nlights_mm: [[1, 2]]\nphotos: [{file: a.png, light: 1}]", r"capture.yaml:2[\s\S]*\[x, y, z\]"),
+        ("kind: flash\ncamera_mm: [0, 0, -9]\nphotos: [{file: a.png, light: 1}]", r"yaml:2[\s\S]*z towards the camera"),
+        ("kind: flash\nlights_mm: [[1, 2, 0]]\nphotos: [{file: a.png, light: 1}]", r"is not above the sheet"),
         ("kind: flash\ncorners_px: [[1, 2]]\nphotos: [{file: a.png, light: 1}]", r"four \[column, row\]"),
         ("kind: flash\nsheet_mm: [0, 2]\nphotos: [{file: a.png, light: 1}]", r"\[width, height\] in mm, above 0"),
         ("kind: flash\nlight_mm: [1]\nphotos: [{file: a.png, light: 1}]", r"did you mean 'lights_mm'"),

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pipeline.optics.flash.constancy import common_variation
+from pipeline.optics.flash.constancy import blocks_of, common_variation, error_of_common, verdict
 from pipeline.optics.flash.distribution import Bins, sharpened
 from pipeline.optics.flash.highlight import bright_spot
 from pipeline.optics.flash.lobes import (
@@ -107,6 +107,47 @@ def test_what_two_measurements_share_is_told_from_their_errors() -> None:
     scatter, errors = measured(0.0)
     assert scatter < 0.005
     assert abs(errors) < 3
+
+
+def test_a_few_pixels_that_two_measurements_mistake_alike_are_no_variation() -> None:
+    rng = np.random.default_rng(6)
+    blocks = np.repeat(np.arange(64), 50)
+    real = 1.5 * (1 + 0.02 * rng.standard_normal(64))[blocks]
+    real[rng.choice(real.size, 32, replace=False)] /= 2
+    scatter, errors = common_variation(*(real * (1 + 0.01 * rng.standard_normal((2, real.size)))), blocks)
+    assert scatter == pytest.approx(0.02, rel=0.3)
+    assert errors > 3
+
+
+@pytest.mark.parametrize(
+    ("percent", "error", "residual", "constant"),
+    [(0.0, 0.01, 0.1, True), (4.0, 0.01, 0.1, False), (0.7, 0.01, 0.1, True), (0.0, 0.01, 0.3, False)],
+)
+def test_one_period_will_do_unless_pixels_vary_or_it_explains_too_little(
+    percent: float, error: float, residual: float, constant: bool
+) -> None:
+    rng = np.random.default_rng(7)
+    real = 1.5 * (1 + percent / 100 * rng.standard_normal((32, 32)))
+    period = real * (1 + error * rng.standard_normal((3, 32, 32)))
+    judged = verdict(np.stack([period, error * period], axis=1), residual, 1.0)
+    assert judged.constant is constant
+    assert judged.percent == pytest.approx(percent, abs=0.3)
+
+
+def test_pixels_that_are_not_measured_twice_tell_no_variation() -> None:
+    period = 1.5 * np.ones((3, 2, 8, 8))
+    period[:, 1] = 0.01
+    period[2, 1, 1:] = 0.2
+    judged = verdict(period, 0.1, 1.0)
+    assert np.isnan(judged.percent)
+    assert "Whether periods vary is not told" in judged.words
+
+
+def test_the_error_of_one_period_is_that_of_a_mean_of_blocks() -> None:
+    blocks = np.random.default_rng(8).standard_normal(64)
+    period = 1.5 + 0.01 * blocks[blocks_of((32, 24))]
+    assert error_of_common(period) == pytest.approx(0.01 * np.std(blocks, ddof=1) / 8)
+    assert np.isnan(error_of_common(np.where(blocks_of((32, 24)) == 0, 1.5, np.nan)))
 
 
 def test_directions_count_as_seen_around_half_vectors_that_light_gratings() -> None:
