@@ -51,6 +51,18 @@ def test_light_and_eye_in_one_place_see_twice_the_sine() -> None:
     assert half.gain == pytest.approx(4 / (0.6 * 1.2**2) * 4)
 
 
+def test_gain_is_stam_s_geometry_for_a_light_and_an_eye_apart() -> None:
+    """The light's cosine cancels, the eye's does not."""
+    half = half_vectors(0.0, 0.0, np.array([0.0, 0.0, 200.0]), np.array([300.0, 0.0, 400.0]))
+    assert half.gain == pytest.approx((1 + 0.8) ** 2 / (0.8 * (1 + 0.8) ** 2) * 25)
+
+
+def test_a_pixel_spreads_a_lobe_as_an_even_box_does() -> None:
+    half = half_vectors(0.0, 0.0, np.array([0.0, 0.0, 250.0]), np.array([0.0, 0.0, 500.0]))
+    box = point_variance(half, coherence_um=1e9, wavelength_um=0.53, pixel_mm=3.0)
+    assert box == pytest.approx((3 * (1 / 250 + 1 / 500)) ** 2 / 12, rel=1e-6)
+
+
 def test_a_lobe_is_as_wide_as_the_light_is_seen_and_its_size_follows_from_it() -> None:
     half = half_vectors(0.0, 0.0, np.array([0.0, 0.0, 250.0]), np.array([0.0, 0.0, 500.0]))
     variance = light_variance(half, 5.0) + point_variance(half, coherence_um=65.0, wavelength_um=0.53, pixel_mm=0.0)
@@ -107,6 +119,14 @@ def test_what_two_measurements_share_is_told_from_their_errors() -> None:
     scatter, errors = measured(0.0)
     assert scatter < 0.005
     assert abs(errors) < 3
+
+
+def test_variation_that_is_not_there_lies_about_one_standard_error_from_none() -> None:
+    rng = np.random.default_rng(9)
+    blocks = np.repeat(np.arange(64), 20)
+    errors = [common_variation(*(1.5 * (1 + 0.02 * rng.standard_normal((2, 1280)))), blocks)[1] for _ in range(100)]
+    assert np.std(errors) == pytest.approx(1.0, abs=4 / np.sqrt(2 * 100))
+    assert np.mean(errors) == pytest.approx(0.0, abs=4 / np.sqrt(100))
 
 
 def test_a_few_pixels_that_two_measurements_mistake_alike_are_no_variation() -> None:
