@@ -13,7 +13,7 @@ from pipeline.report.charts import chart_style, round_ticks
 
 FIGURES = {"orientation_error_mean_deg": "orientation error, mean (°)", "masked_share_percent": "unlit (%)"}
 COLOURS = {"1x1": "tab:green", "6x4": "tab:orange", "10x8": "tab:blue"}
-MARKERS = {"threshold": "s", "lobe": "o"}
+LOOKS = {"threshold": ("s", ":"), "lobe": ("o", "-")}
 
 
 def main() -> None:
@@ -27,11 +27,11 @@ def main() -> None:
         for line, (name, label) in zip(grid, FIGURES.items(), strict=True):
             for axes, paper in zip(line, papers, strict=True):
                 for sheet, colour in COLOURS.items():
-                    for method, marker in MARKERS.items():
+                    for method, look in LOOKS.items():
                         here = [
                             row for row in rows if (row["paper"], row["sheet"], row["method"]) == (paper, sheet, method)
                         ]
-                        draw(axes, here, name, colour, marker)
+                        draw(axes, here, name, colour, look)
                 axes.set_xscale("log")
                 round_ticks(axes.xaxis, 30)
                 if name == "orientation_error_mean_deg":
@@ -41,18 +41,18 @@ def main() -> None:
                 else:
                     axes.set_xlabel("brackets to map (s)")
             line[0].set_ylabel(label)
-        keys = [(f"{sheet} tiles", colour, "") for sheet, colour in COLOURS.items()]
-        keys += [(method, "0.4", marker) for method, marker in MARKERS.items()]
-        handles = [axes.plot([], [], marker=marker, color=colour, label=text)[0] for text, colour, marker in keys]
+        keys = [(f"{sheet} tiles", colour, ("", "-")) for sheet, colour in COLOURS.items()]
+        keys += [(method, "0.4", look) for method, look in LOOKS.items()]
+        handles = [axes.plot([], [], marker=m, linestyle=line, color=c, label=text)[0] for text, c, (m, line) in keys]
         figure.legend(handles=handles, loc="outside upper center", ncols=len(keys), frameon=False)
         figure.savefig(Path(__file__).with_suffix(".png"), dpi=110, metadata={"Software": None})
 
 
-def draw(axes: Any, rows: list[dict[str, str]], name: str, colour: str, marker: str) -> None:
+def draw(axes: Any, rows: list[dict[str, str]], name: str, colour: str, look: tuple[str, str]) -> None:
     """One sheet read by one method: a line through its numbers of photographs."""
     rows = sorted(rows, key=lambda row: int(row["photographs"]))
     places = [(float(row["timed_seconds"]), float(row[name])) for row in rows]
-    axes.plot(*zip(*places, strict=True), marker=marker, markersize=4, linewidth=0.8, color=colour)
+    axes.plot(*zip(*places, strict=True), marker=look[0], linestyle=look[1], markersize=4, linewidth=0.8, color=colour)
     for row, place in zip(rows, places, strict=True):
         axes.annotate(row["photographs"], place, xytext=(3, 3), textcoords="offset points", fontsize=6)
 

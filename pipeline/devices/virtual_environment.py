@@ -12,12 +12,12 @@ import numpy as np
 
 from pipeline.devices.virtual_light import Image
 from pipeline.devices.virtual_sheet import Sheet, offsets, shown, shown_slopes
+from pipeline.errors import InputError
 from pipeline.optics.environment import delta, ordered, separated, window
 from pipeline.optics.environment.area_map import AreaMap, area_map
 from pipeline.optics.environment.ordered import LookUps
 from pipeline.optics.environment.probe import Probe
 from pipeline.optics.gratings import Form
-from pipeline.optics.sheet.maps import prepared_gratings
 from pipeline.optics.sheet.view import View
 from pipeline.parallel import over_rows
 from pipeline.progress import advance
@@ -106,10 +106,9 @@ def render_in_environment(
     if not np.isfinite(sheet.period_um).any():
         return rgb
     paint = _chosen(_Scene(sheet, view, probe, gratings, samples, tolerance), evaluator, wavelength_step_nm)
-    planes = sheet.laid(prepared_gratings(sheet.orientation_rad, sheet.period_um))
     for done, offset in enumerate(offsets(samples)):
         moved = view.moved(*offset)
-        grid, slopes = shown(planes, moved), shown_slopes(sheet, moved)
+        grid, slopes = shown(sheet.gratings, moved), shown_slopes(sheet, moved)
         over_rows(partial(_rows, paint, rgb, grid, moved, slopes), view.rows, tile=_TILE)
         advance(done + 1, samples**2)
     rgb /= np.float32(samples**2)
@@ -153,9 +152,12 @@ class _Scene:
 
     def some(self, side: int) -> _Part:
         """What some of its pixels show, at most ``side`` of them along a side."""
-        few = self.view.thinned(max(1, -(-max(self.view.rows, self.view.columns) // side)))
-        planes = self.sheet.laid(prepared_gratings(self.sheet.orientation_rad, self.sheet.period_um))
-        return _Part(few, shown(planes, few), shown_slopes(self.sheet, few))
+        every = max(1, -(-max(self.view.rows, self.view.columns) // side))
+        row, column = np.nonzero(shown(self.sheet.gratings, self.view)[2] > 0)
+        # From the first pixels between which most have gratings: fine patterns may leave the others dark.
+        down, across = divmod(int(np.bincount(row % every * every + column % every, minlength=1).argmax()), every)
+        few = self.view.moved(across, down).thinned(every)
+        return _Part(few, shown(self.sheet.gratings, few), shown_slopes(self.sheet, few))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,9 +206,12 @@ def _reference(scene: _Scene, step_nm: float) -> Paint:
 
 def _brute(scene: _Scene, step_nm: float) -> Paint:
     orders, coherence_um = scene.orders(step_nm), scene.gratings.coherence_um
-    lights = window.lights_of(
-        scene.probe, coherence_um, float(orders.wavelength_um[0]), all_around=scene.sheet.bumps is not None
-    )
+    try:
+        lights = window.lights_of(
+            scene.probe, coherence_um, float(orders.wavelength_um[0]), all_around=scene.sheet.bumps is not None
+        )
+    except ValueError as problem:
+        raise InputError(str(problem), where="coherence_um", expected="a narrower one, or another evaluator") from None
     _log.info("The probe is summed as %d distant lights.", len(lights.rgb))
 
     def paint(rgb: Image, span: Span, gratings: Image, view: View, slopes: Image | None) -> None:

@@ -13,15 +13,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.devices.sheet_theory import warn_of_theory
 from pipeline.devices.virtual_light import Image, Lighting, add_light, warn_of_aliasing, white_level
 from pipeline.errors import InputError
 from pipeline.optics.colour import encode_srgb
 from pipeline.optics.gratings import window_spread
 from pipeline.optics.sheet import tabulated
-from pipeline.optics.sheet.colour_table import ColourTable, colour_table
+from pipeline.optics.sheet.colour_table import ColourTable, Precision, colour_table
 from pipeline.optics.sheet.extent import Extent, extent
 from pipeline.optics.sheet.maps import Bumps, Tiled, prepared_gratings, sample_rows, slope_rows
-from pipeline.optics.sheet.validity import evanescent_share, expansion_error
 from pipeline.optics.sheet.view import View
 from pipeline.parallel import over_rows
 from pipeline.progress import advance
@@ -37,7 +37,6 @@ MOST_SAMPLES = 32
 _MOST_CHOSEN = 16
 _LIT = 1e-3
 """Of the brightest, below which a display shows next to nothing."""
-_TOLERATED_EVANESCENT = 0.1
 _SHORTEST_UM = 0.38
 
 _log = logging.getLogger(__name__)
@@ -139,7 +138,7 @@ def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tol
     table = None
     if few.rows * few.columns * len(lighting.lights_mm) * (2 * most) ** 2 >= _WORTH_A_TABLE:
         with suppress(ValueError):
-            table = _table(sheet, view, lighting, 1.0, tolerance)
+            table = _table(sheet, view, lighting, 1.0, tolerance, "single")
 
     def painted(seen: View, part: float) -> Paint:
         if table is None:
@@ -193,6 +192,7 @@ def render_sheet(
     evaluator: Evaluator = "spectral",
     sampling: Sampling = POINTS,
     tolerance: float = 0.01,
+    precision: Precision = "single",
     together: bool = False,
 ) -> Image:
     """Relative radiance of a sheet under lights, linear sRGB of shape (lights, rows, columns, 3).
@@ -207,6 +207,8 @@ def render_sheet(
         How a pixel's area is covered.
     tolerance : float
         Largest error of a look-up, relative to white.
+    precision : {"single", "double"}
+        Of look-ups.
     together : bool
         Add all lights up to one picture.
     """
@@ -214,8 +216,14 @@ def render_sheet(
     rgb = np.zeros((1 if together else count, view.rows, view.columns, 3), np.float32)
     if not np.isfinite(sheet.period_um).any():
         return rgb
-    _warn_of_theory(sheet, lighting, tolerance)
-    add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance)
+    warn_of_theory(
+        sheet.period_um,
+        depth_um=lighting.depth_um,
+        orders=lighting.orders,
+        illuminant=lighting.illuminant,
+        tolerance=tolerance,
+    )
+    add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance, precision)
     steps = count * sampling.samples**2
     done = 0
     for sample in offsets(sampling.samples):
@@ -228,31 +236,17 @@ def render_sheet(
     return rgb
 
 
-def _warn_of_theory(sheet: Sheet, lighting: Lighting, tolerance: float) -> None:
-    """Say so where scalar diffraction, or the paper's expansion of it, does not hold."""
-    depth, light = lighting.depth_um, lighting.illuminant
-    if lighting.orders == "second order" and (error := expansion_error(depth, light)) > tolerance:
-        _log.warning(
-            "Orders expanded to the second power of a depth of %g um err by %.2g percent of the light; orders=exact "
-            "does not.",
-            depth,
-            100 * error,
-        )
-    shortest = float(np.nanmin(sheet.period_um))
-    if (lost := evanescent_share(shortest, depth, light)) > _TOLERATED_EVANESCENT:
-        _log.warning(
-            "Scalar diffraction sends %.2g percent of the light of gratings of %.3g um into orders that cannot leave: "
-            "colours there are not to be trusted.",
-            100 * lost,
-            shortest,
-        )
-
-
 Paint = Callable[[Image, NDArray[np.float64]], None]
 
 
 def _chosen(
-    sheet: Sheet, view: View, lighting: Lighting, evaluator: Evaluator, sampling: Sampling, tolerance: float
+    sheet: Sheet,
+    view: View,
+    lighting: Lighting,
+    evaluator: Evaluator,
+    sampling: Sampling,
+    tolerance: float,
+    precision: Precision,
 ) -> Callable[[View], Paint]:
     """What paints a view, by the evaluator that is asked for, or that pays."""
     work = view.rows * view.columns * len(lighting.lights_mm) * sampling.samples**2
@@ -261,7 +255,7 @@ def _chosen(
         warn_of_aliasing(sheet.period_um, lighting)
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     try:
-        table = _table(sheet, view, lighting, sampling.pixel_part, tolerance)
+        table = _table(sheet, view, lighting, sampling.pixel_part, tolerance, precision)
     except ValueError as problem:
         if evaluator == "tabulated":
             raise InputError(str(problem), where="evaluator", expected="spectral, or a larger tolerance") from None
@@ -292,7 +286,8 @@ def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> 
 
 
 def _looked_up(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, table: ColourTable) -> Paint:
-    gratings, slopes = shown(sheet.gratings, view), shown_slopes(sheet, view)
+    gratings = shown(sheet.gratings, view).astype(table.orders.dtype, copy=False)
+    slopes = shown_slopes(sheet, view)
 
     def paint(picture: Image, light_mm: NDArray[np.float64]) -> None:
         def shade(first: int, last: int) -> None:
@@ -313,7 +308,9 @@ def _looked_up(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, 
     return paint
 
 
-def _table(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tolerance: float) -> ColourTable:
+def _table(
+    sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tolerance: float, precision: Precision
+) -> ColourTable:
     occurring = _extents(sheet, view, lighting, pixel_part)
     return colour_table(
         occurring,
@@ -324,6 +321,7 @@ def _table(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tole
         orders=lighting.orders,
         tolerance=tolerance,
         normal_reflectance=lighting.normal_reflectance,
+        precision=precision,
     )
 
 

@@ -53,6 +53,7 @@ EITHER_SIGN = {
     "simulate.circles": OPTICS,
     "simulate.compact_disc": {"phase_deg"},
     "simulate.defects": {"turn_deg"},
+    "simulate.misread_distances": {"light_percent", "camera_percent"},
     "simulate.facets": OPTICS,
     "simulate.fireworks": OPTICS | {"twist_deg"},
     "simulate.gradient_stars": OPTICS,

@@ -232,7 +232,7 @@ def test_gratings_so_deep_that_second_orders_outshine_first_ones_are_warned_of(
     photos = sheet(band_nm=GREEN, depth_um=0.3)
     with caplog.at_level(logging.WARNING):
         flash_period(photos, SPACED, highlight(photos), measured)
-    assert "periods are read as half of what they are" in caplog.text
+    assert "periods are doubtful, and half of what they are" in caplog.text
 
 
 def test_what_does_not_belong_together_is_refused(

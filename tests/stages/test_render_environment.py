@@ -14,7 +14,7 @@ from pipeline.bench import Experiment
 from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField
 from pipeline.data.light_probes import LightProbe
-from pipeline.errors import InputErrors
+from pipeline.errors import InputError, InputErrors
 from pipeline.graph.config import options
 from pipeline.optics.environment.probe import texel_directions
 from pipeline.stages.capture.light_probe import light_probe as read
@@ -76,6 +76,47 @@ def test_fast_evaluators_keep_the_tolerance_and_say_so(
     assert "look-ups, every" in told
     assert ("Evaluator" in told) == (evaluator == "auto")
     assert not [record for record in caplog.records if record.levelno == logging.WARNING]
+
+
+@pytest.mark.parametrize("evaluator", ["ordered", "low_rank"])
+def test_a_sheet_without_depth_is_a_mirror_to_every_evaluator(evaluator: str) -> None:
+    probe = draw(scene="room", rows=24, lamp_deg=20.0)
+    exact, found = (environment(*maps(), probe, depth_um=0.0, evaluator=one).rgb for one in ("reference", evaluator))
+    np.testing.assert_allclose(found, exact, rtol=1e-3)
+
+
+def test_look_ups_are_chosen_where_a_fine_pattern_is_and_not_between() -> None:
+    probe = draw(scene="room", rows=24, lamp_deg=20.0)
+    orientation, period = maps(192, 0.8)
+    y, x = np.mgrid[:192, :192]
+    lit = (x % 4 == 1) & (y % 4 == 3)
+    dots = PeriodMap(np.where(lit, period.period_um, np.nan), lit, 0.8)
+    exact, found = (environment(orientation, dots, probe, evaluator=one).rgb[0] for one in ("reference", "ordered"))
+    assert np.abs(found - exact).max() < 0.01 * exact.max()
+
+
+@pytest.mark.parametrize(
+    ("period_um", "settings", "told"),
+    [(1.3, {"orders": "second order"}, "Orders expanded"), (0.5, {}, "orders that cannot leave")],
+)
+def test_it_says_where_the_theory_does_not_hold(
+    period_um: float, settings: dict[str, object], told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    orientation, period = maps(8)
+    short = PeriodMap(np.full_like(period.period_um, period_um), period.mask, 4.0)
+    probe = draw(scene="uniform", rows=8)
+    environment(orientation, period, probe, rotation_deg=[0.0, 30.0])
+    assert not [record for record in caplog.records if record.levelno == logging.WARNING]
+    environment(orientation, short, probe, rotation_deg=[0.0, 30.0], **settings)
+    assert [told in record.getMessage() for record in caplog.records if record.levelno == logging.WARNING] == [True]
+
+
+def test_more_than_memory_holds_is_refused() -> None:
+    probe = draw(scene="uniform", rows=8)
+    with pytest.raises(InputError, match="30 pictures of 4000 x 4000 pixels do not fit"):
+        environment(*maps(8), probe, size_px=[4000, 4000], rotation_deg=[float(k) for k in range(30)])
+    with pytest.raises(InputError, match=r"a window of 60000 um[\s\S]*another evaluator"):
+        environment(*maps(8), probe, evaluator="brute", coherence_um=60_000.0)
 
 
 def test_bumps_have_no_low_rank_and_change_the_picture(caplog: pytest.LogCaptureFixture) -> None:

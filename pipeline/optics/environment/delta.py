@@ -26,10 +26,11 @@ from pipeline.optics.sheet.view import View
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 
-_DEPTH_STEPS = 1024
+_DEPTH_STEPS, _DEPTH_STEP = 1024, 0.03
 _SHALLOWEST = 1e-6
 _LARGEST_SINE_SUM = 2.0
 _NEGLIGIBLE = 1e-7
+_SMALLEST = 1e-15
 
 
 @dataclass(frozen=True)
@@ -78,14 +79,14 @@ def tabulated_orders(
     wavelength = nodes / 1000
     highest = int(longest_period_um * _LARGEST_SINE_SUM / wavelength[0])
     deepest = max(float(4 * np.pi / wavelength[0] * depth_um), _SHALLOWEST)
-    phases = np.linspace(0, deepest, _DEPTH_STEPS)
+    phases = np.linspace(0, deepest, max(_DEPTH_STEPS, int(deepest / _DEPTH_STEP)))
     share = efficiencies(form, np.arange(highest + 1)[:, None], phases)
     seen = int(np.flatnonzero(share.max(axis=1) > _NEGLIGIBLE)[-1])
     return Orders(
         wavelength,
         matrices,
         share[: seen + 1],
-        (_DEPTH_STEPS - 1) / deepest,
+        (len(phases) - 1) / deepest,
         depth_um,
         normal_reflectance,
     )
@@ -143,8 +144,9 @@ def shade_rows(
 @njit(nogil=True, cache=True, error_model="numpy")
 def geometry(between: float, w: float, normal_reflectance: float) -> float:
     """Stam's factor without both cosines, times Schlick's reflectance relative to that at normal incidence."""
-    bend = 1 - np.sqrt(0.5 * (1 + between))
-    return (1 + (1 / normal_reflectance - 1) * bend**5) * ((1 + between) / w) ** 2
+    facing = max(1 + between, 0.0)
+    bend = 1 - np.sqrt(0.5 * facing)
+    return (1 + (1 / normal_reflectance - 1) * bend**5) * (facing / w) ** 2
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -210,10 +212,10 @@ def _shade(
             u0 = -(ex * tx + ey * ty + ez * tz)
             v = -(ex * bx + ey * by + ez * bz)
             cos_eye = ex * nx + ey * ny + ez * nz
-            if cos_eye <= 0:
+            if not cos_eye > 0:
                 continue
-            radius = np.sqrt(1 - v * v)
-            gain = geometry(cos_eye * cos_eye - u0 * u0 - v * v, 2 * cos_eye, normal_reflectance) / cos_eye**2
+            radius = np.sqrt(max(1 - v * v, _SMALLEST))
+            gain = 1 + (1 / normal_reflectance - 1) * (1 - cos_eye) ** 5
             r, g, b = look_up(
                 texels,
                 pose,

@@ -80,7 +80,7 @@ def all_look_ups(orders: Orders, map_: AreaMap, period_um: float) -> LookUps:
     nodes = np.arange(orders.share.shape[1])
     shares = np.array([np.interp(phases, nodes, share) for share in orders.share])
     highest, count = len(shares) - 1, wavelength.size
-    order = np.repeat([m for m in range(-highest, highest + 1) if m], count)
+    order = np.repeat(np.array([m for m in range(-highest, highest + 1) if m], np.int64), count)
     k = np.tile(np.arange(count), 2 * highest)
     apart = np.abs(order) * orders.step_um / period_um / map_.texel_rad
     return LookUps(
@@ -187,7 +187,7 @@ def _shade(
                 p, q = (0.0, 0.0) if flat else (float(slopes[0, row, column]), float(slopes[1, row, column]))
                 axes = frame(1.0, 0.0, p, q)
                 cos_eye = ex * axes[6] + ey * axes[7] + ez * axes[8]
-                if cos_eye <= 0:
+                if not cos_eye > 0:
                     continue
                 tangent = frame(float(gratings[0, row, column]), float(gratings[1, row, column]), p, q)
                 along = tangent[0] * axes[0] + tangent[1] * axes[1] + tangent[2] * axes[2]
@@ -247,9 +247,10 @@ def _diffract(
         cos_light = np.sqrt(max(height, _f(1e-12)))
         w = cos_light + cos_eye
         between = cos_light * cos_eye - x * x0[j] - y * y0[j]
-        bend = _f(1) - np.sqrt(_f(0.5) * (_f(1) + between))
+        facing = max(_f(1) + between, _f(0))
+        bend = _f(1) - np.sqrt(_f(0.5) * facing)
         twice = bend * bend
-        gain = (_f(1) + between) / w
+        gain = facing / w
         gain *= gain * (_f(1) + fresnel * twice * twice * bend) / cos_eye
         half = reaches * np.sqrt(kx[j] * kx[j] + ky[j] * ky[j])
         far = height > _f(_NEAR_RIM) * (_f(1) + half) * half
@@ -260,7 +261,7 @@ def _diffract(
             inverse = np.sqrt(kx[j] * kx[j] + ky[j] * ky[j])
             u = (x0[j] * kx[j] + y0[j] * ky[j]) / inverse
             v = (y0[j] * kx[j] - x0[j] * ky[j]) / inverse
-            rim = np.sqrt(_f(1) - v * v)
+            rim = np.sqrt(max(_f(1) - v * v, _f(1e-7)))
             slope = order * inverse
             low = min(max((u + slope * (wavelength - ahead)) / rim, _f(-1)), _f(1))
             high = min(max((u + slope * (wavelength + behind)) / rim, _f(-1)), _f(1))

@@ -24,6 +24,7 @@ _REACH = 4.5
 """Standard deviations beyond which a lobe is left out: 4e-5 of its peak."""
 _WIDTHS_APART = 1.5
 """Distance of directions in standard deviations of the narrowest lobe, at which their sum is right to 3e-4."""
+_MOST_LIGHTS = 40_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +56,17 @@ def lights_of(probe: Probe, coherence_um: float, shortest_um: float, *, all_arou
         The shortest wavelength.
     all_around : bool
         Keep what lies behind the sheet, which a sheet with bumps may see.
+
+    Raises
+    ------
+    ValueError
+        There would be too many parts.
     """
     narrowest = float(window_spread(shortest_um, coherence_um))
     parts = max(1, int(np.ceil(probe.texel_rad / (_WIDTHS_APART * narrowest))))
     rows, columns = probe.rgb.shape[0] * parts, probe.rgb.shape[1] * parts
+    if rows * columns > _MOST_LIGHTS:
+        raise ValueError(f"a window of {coherence_um:g} um takes {rows * columns:.2g} lights")
     towards = texel_directions(rows, columns) @ probe.pose
     angles = np.broadcast_to(solid_angles(rows, columns)[:, None], (rows, columns))
     kept = np.full((rows, columns), True) if all_around else towards[..., 2] > 0
@@ -140,7 +148,7 @@ def _shade(
             tx, ty, tz, bx, by, bz, nx, ny, nz = frame(cosine, sine, p, q)
             eye_u, eye_v = ex * tx + ey * ty + ez * tz, ex * bx + ey * by + ez * bz
             cos_eye = ex * nx + ey * ny + ez * nz
-            if cos_eye <= 0:
+            if not cos_eye > 0:
                 continue
             sums[:] = 0
             for one in range(len(towards)):
@@ -154,13 +162,14 @@ def _shade(
                 u = abs(eye_u + lx * tx + ly * ty + lz * tz)
                 w = cos_light + cos_eye
                 gain = geometry(lx * ex + ly * ey + lz * ez, w, normal_reflectance) / cos_eye
-                for order in range(share.shape[0]):
+                for order in range(1 - share.shape[0], share.shape[0]):
                     low, high = 0, count - 1
                     if order == 0 and u > reach:
                         continue
                     if order:
-                        low = max(0, int(np.ceil(((u - reach) * a / order - wavelength[0]) / step)))
-                        high = min(count - 1, int(np.floor(((u + reach) * a / order - wavelength[0]) / step)))
+                        side = reach if order > 0 else -reach
+                        low = max(0, int(np.ceil(((u - side) * a / order - wavelength[0]) / step)))
+                        high = min(count - 1, int(np.floor(((u + side) * a / order - wavelength[0]) / step)))
                     for k in range(low, high + 1):
                         away = u - order * wavelength[k] / a
                         square = spread[k] * spread[k]
@@ -168,7 +177,7 @@ def _shade(
                         position = phase * w / wavelength[k]
                         node = min(int(position), share.shape[1] - 2)
                         rest = position - node
-                        part = share[order, node] * (1 - rest) + share[order, node + 1] * rest
+                        part = share[abs(order), node] * (1 - rest) + share[abs(order), node + 1] * rest
                         value = gain * lobe * part
                         for i in range(3):
                             for j in range(3):

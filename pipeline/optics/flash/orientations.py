@@ -152,6 +152,22 @@ def _lobe(
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
+def _spread(scores: Any, best: int, views: float) -> float:
+    """Standard deviation, in steps around the best, of tangents that explain the views about as well.
+
+    Where views are few, none may lie on one side of the tangent, and a lobe that leaves them goes unnoticed. ``views``
+    is how many count, each with the error of a lobe's shape and what the best lobe leaves.
+    """
+    noise = 2 * (_MODEL_ERROR**2 + 1 - scores[best])
+    total = square = 0.0
+    for k in range(scores.size):
+        likely = np.exp(-views * (scores[best] - scores[k]) / noise)
+        total += likely
+        square += likely * (k - best) ** 2
+    return float(np.sqrt(square / total))
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
 def by_lobe(
     brightness: Any, azimuth: Any, width: Any, length: Any, gain: Any, profile: Any, step: float, found: Any
 ) -> None:
@@ -162,7 +178,7 @@ def by_lobe(
     """
     views, rows, columns = brightness.shape
     use = np.empty(views, np.int64)
-    scores, crosses, norms = np.empty(_STEPS), np.empty(_STEPS), np.empty(_STEPS)
+    scores, crosses, norms, powers = np.empty(_STEPS), np.empty(_STEPS), np.empty(_STEPS), np.empty(_STEPS)
     for row in range(rows):
         for column in range(columns):
             start = found[TANGENT, row, column]
@@ -190,6 +206,7 @@ def by_lobe(
             turn_cosine, turn_sine = np.cos(spacing), np.sin(spacing)
             crosses[:] = 0
             norms[:] = 0
+            powers[:] = 0
             for n in range(count):
                 i = use[n]
                 b, wide_here = brightness[i, row, column], width[i, row, column]
@@ -202,14 +219,17 @@ def by_lobe(
                         lobe = height * np.exp(-away)
                         crosses[k] += b * lobe
                         norms[k] += lobe * lobe
+                        powers[k] += lobe**4
                     sine, cosine = sine * turn_cosine - cosine * turn_sine, cosine * turn_cosine + sine * turn_sine
-            best = 0
+            best, bright, fourth = 0, 0.0, 0.0
             for k in range(_STEPS):
                 scores[k] = crosses[k] * crosses[k] / max(norms[k] * square, 1e-30)
                 if scores[k] > scores[best]:
-                    best = k
+                    best, bright, fourth = k, norms[k], powers[k]
             found[AGREEMENT, row, column] = np.sqrt(scores[best])
+            doubt = _spread(scores, best, bright**2 / max(fourth, 1e-30)) * spacing
             if best in (0, _STEPS - 1):
+                found[ERROR, row, column] = max(found[ERROR, row, column], doubt)
                 continue
             left, middle, right = scores[best - 1], scores[best], scores[best + 1]
             bend = 2 * middle - left - right
@@ -235,4 +255,5 @@ def by_lobe(
                 bread += slope * slope
                 meat += slope * slope * (left_over * left_over + (_MODEL_ERROR * height * lobe) ** 2)
             if bread > 0:
-                found[ERROR, row, column] = min(np.sqrt(meat * count / max(count - 2, 1)) / bread, 2 * wide)
+                error = min(np.sqrt(meat * count / max(count - 2, 1)) / bread, 2 * wide)
+                found[ERROR, row, column] = max(error, doubt)

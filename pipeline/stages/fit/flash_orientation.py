@@ -54,6 +54,7 @@ _TRIED = 400
 """Unknown pixels for which the next light is chosen."""
 _CANDIDATES = 17
 _COVERED_PERCENT = 0.5
+_ROUGH_DEG = 3.0
 
 
 def flash_orientation(
@@ -177,6 +178,8 @@ def flash_orientation(
         _fit_lobes(photos, tiles, placed, parts, found)
     found[ERROR] = np.hypot(found[ERROR], _turn_within(found[TANGENT], tiles))
     metrics = _figures(mask, found)
+    if metrics["stated_error_median_deg"] > _ROUGH_DEG:
+        _log.warning("half of the tile is known to within %.1f degrees at best", metrics["stated_error_median_deg"])
     if 100 - metrics["lit_percent"] > _COVERED_PERCENT:
         proposal = _next_light(photos, tiles, placed, mask, _profile(parts))
         if proposal is not None:

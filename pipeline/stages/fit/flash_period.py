@@ -38,8 +38,8 @@ _DOUBTFUL = 0.35
 """Relative standard error beyond which a pixel's period is not known."""
 _WELL = 0.05
 """Residual up to which one period tells the light and the depth, lest those follow from orders that were mistaken."""
-_POOR, _AT_BOUND = 0.15, 0.99
-"""Residual, and part of the largest depth, from which on gratings may be deeper than what is fitted."""
+_UNEXPLAINED, _AT_BOUND = 0.12, 0.99
+"""Residual, relative to brightness, and part of the largest depth, beyond which there is a warning."""
 _UNFILTERED_BANDWIDTH_NM = 100.0
 """About that of a camera's green channel."""
 
@@ -176,11 +176,11 @@ def flash_period(
         error = np.full_like(error, error_of_common(np.where(sure, period, np.nan)))
         period = np.full_like(period, metrics["period_um"])
     deepest = (common.orders.depth_um or 0.0) > _AT_BOUND * DEPTHS_UM[1]
-    if common.residual > _POOR or deepest:
+    if common.residual > _UNEXPLAINED or deepest:
         _log.warning(
-            "lobes of gratings %.2g um deep leave %.2g percent of the brightness unexplained: where the second order "
-            "outshines the first, periods are read as half of what they are",
-            *(common.orders.depth_um, 100 * common.residual),
+            "lobes leave %.0f percent of the brightness unexplained: periods are doubtful, and half of what they are "
+            "where the second order outshines the first",
+            100 * common.residual,
         )
     metrics |= {
         "light_sigma_mm": common.light_sigma_mm,

@@ -29,7 +29,7 @@ def highlight(
     photos: FlashPhotographs,
     *,
     pattern_mm: float = 1.5,
-    tolerance_mm: float = 3.0,
+    tolerance_mm: float = 1.5,
     coherence_um: float = 65.0,
 ) -> Highlights:
     """Find the mirror image of the flash in each photograph, from the photograph alone.

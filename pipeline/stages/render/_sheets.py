@@ -13,9 +13,11 @@ from pipeline.devices.virtual_sheet import Sheet
 from pipeline.errors import InputError
 from pipeline.limits import different_shapes
 from pipeline.optics.sheet.maps import Bumps, slopes_of
+from pipeline.optics.sheet.view import View
 
 _log = logging.getLogger(__name__)
 
+_MOST_PIXELS = 300_000_000
 _OFFSET_UNKNOWN = "Orientations are known up to one offset: facets may shine under other lights than here"
 
 
@@ -46,6 +48,22 @@ def sheet_of(
         )
     slopes = None if bumps is None else _slopes(bumps)
     return Sheet(orientation.orientation_rad, period.period_um, pixel_mm, (tiles[0], tiles[1]), slopes)
+
+
+def check_size(count: int, view: View) -> None:
+    """Refuse more pictures of a view than memory holds.
+
+    Raises
+    ------
+    InputError
+        They are too many and too large.
+    """
+    if count * view.rows * view.columns > _MOST_PIXELS:
+        raise InputError(
+            f"{count} pictures of {view.columns} x {view.rows} pixels do not fit into memory",
+            where="size_px",
+            expected=f"at most {_MOST_PIXELS / count:.3g} pixels each",
+        )
 
 
 def offset_note(orientation: OrientationMap) -> str:

@@ -10,6 +10,7 @@ from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField
 from pipeline.data.light_probes import LightProbe
 from pipeline.data.pictures import Pictures
+from pipeline.devices.sheet_theory import warn_of_theory
 from pipeline.devices.sheet_views import WIDEST_VIEW_DEG, blind_camera, camera_view, rectified_view, unusable_counts
 from pipeline.devices.virtual_environment import Gratings, render_in_environment
 from pipeline.devices.virtual_light import WAVELENGTH_STEPS_NM
@@ -17,7 +18,7 @@ from pipeline.devices.virtual_sheet import MOST_SAMPLES, automatic_samples
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within, zero_or_more
 from pipeline.optics.environment.probe import Probe, pose
-from pipeline.stages.render._sheets import offset_note, sheet_of
+from pipeline.stages.render._sheets import check_size, offset_note, sheet_of
 
 _tolerance_environment = {"rgb": 1e-3}
 
@@ -111,7 +112,8 @@ def environment(
     Raises
     ------
     InputError
-        The maps differ in shape.
+        The maps differ in shape, the pictures are too many and too large, or brute force is asked for with a window
+        so wide that the probe would be cut into too many parts.
 
     References
     ----------
@@ -123,6 +125,8 @@ def environment(
         seen = rectified_view(sheet, camera, size_px)
     else:
         seen = camera_view(sheet, camera, target_mm, up, field_of_view_deg, size_px)
+    check_size(len(rotation_deg), seen)
+    warn_of_theory(sheet.period_um, depth_um=depth_um, orders=orders, illuminant="D65", tolerance=tolerance)
     gratings = Gratings(depth_um, orders, refractive_index, coherence_um)
     pictures = [
         render_in_environment(

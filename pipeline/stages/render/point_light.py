@@ -17,7 +17,7 @@ from pipeline.devices.virtual_sheet import MOST_SAMPLES, POINTS, Sheet, automati
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within, zero_or_more
 from pipeline.optics.gratings import order_efficiency, window_spread
-from pipeline.stages.render._sheets import offset_note, sheet_of
+from pipeline.stages.render._sheets import check_size, offset_note, sheet_of
 
 # Lobes are steep: orientations that differed by 1.2e-6 rad were seen to change a pixel by 2.6e-5 of white.
 _tolerance_point_light = {"rgb": 5e-4}
@@ -30,7 +30,6 @@ _LONGEST_ORBIT = 720
 _MIDDLE_UM = 0.55
 _NOTHING = 1e-3
 """Of a grating that shines, below which a display shows next to nothing."""
-_MOST_PIXELS = 300_000_000
 
 
 def point_light(
@@ -52,6 +51,7 @@ def point_light(
     field_of_view_deg: float | None = None,
     size_px: list[int] | None = None,
     evaluator: Literal["auto", "spectral", "tabulated"] = "auto",
+    precision: Literal["single", "double"] = "single",
     wavelength_step_nm: float = 5.0,
     orders: Literal["exact", "second order"] = "exact",
     refractive_index: float | None = None,
@@ -104,6 +104,8 @@ def point_light(
     evaluator : {"auto", "spectral", "tabulated"}
         The sum over wavelengths in double precision, or a look-up in a table of colours. ``auto`` takes the table for
         large pictures if it keeps the tolerance on some of their pixels, and says what it took.
+    precision : {"single", "double"}
+        Of the look-ups; single is faster, and as exact as a table is.
     wavelength_step_nm : float
         Step of the spectral sum.
     orders : {"exact", "second order"}
@@ -158,12 +160,7 @@ def point_light(
         size = size_px or ((_ANIMATED_PX, _ANIMATED_PX * 3 // 4) if orbit else None)
         seen = camera_view(sheet, lighting.camera_mm, target_mm, up, field_of_view_deg, size)
     count = 1 if together else len(lighting.lights_mm)
-    if count * seen.rows * seen.columns > _MOST_PIXELS:
-        raise InputError(
-            f"{count} pictures of {seen.columns} x {seen.rows} pixels do not fit into memory",
-            where="size_px",
-            expected=f"at most {_MOST_PIXELS / count:.3g} pixels each",
-        )
+    check_size(count, seen)
     rgb = render_sheet(
         sheet,
         seen,
@@ -173,6 +170,7 @@ def point_light(
         if anti_aliased
         else POINTS,
         tolerance=tolerance,
+        precision=precision,
         together=together,
     )
     return PictureSeries(

@@ -113,6 +113,13 @@ def test_white_of_one_wavelength_is_the_eyes_response_to_daylight() -> None:
     assert len(wavelength) == 401
 
 
+def test_a_sun_gives_its_irradiance() -> None:
+    """Radiance times the solid angle of a disc, 0.6 in red; the sky behind it adds a few percent."""
+    solid_angle = 2 * np.pi * (1 - np.cos(np.deg2rad(4)))
+    sun = drawn(SCENES["outdoors"](8.0), 128)[..., 0].max()
+    assert sun * solid_angle == pytest.approx(0.6, rel=0.06)
+
+
 def test_lamps_give_the_same_light_however_wide_they_are() -> None:
     angles = solid_angles(128, 256)[:, None, None]
     wide, narrow = ((drawn(SCENES["outdoors"](deg), 128) * angles).sum(axis=(0, 1)) for deg in (12.0, 6.0))
