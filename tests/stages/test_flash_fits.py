@@ -60,7 +60,7 @@ def test_a_flash_that_was_elsewhere_than_stated_is_noticed(
 ) -> None:
     with caplog.at_level(logging.WARNING):
         found = highlight(replace(white, light_mm=white.light_mm + np.array([0.0, 20.0, 0.0])))
-    assert "the highlight of photograph 0 lies 14.3 mm from where" in caplog.text
+    assert "the highlight of flash 1 lies 14.3 mm from where" in caplog.text
     assert found.metrics["highlight_off_max_mm"] == pytest.approx(20 * 500 / 700, abs=0.3)
 
 
@@ -75,9 +75,9 @@ def test_a_highlight_outside_the_picture_or_too_bright_is_noticed(
         bright = highlight(replace(white, valid=valid))
     assert lost.outside[0]
     assert np.isnan(lost.place_mm[0]).all()
-    assert "photograph 0 shows no highlight" in caplog.text
+    assert "put it at (285.7, 0.0) mm, outside the sheet of 264 x 192 mm" in caplog.text
     assert bright.saturated.tolist() == [True, False, False]
-    assert "photograph 0 is too bright for every exposure" in caplog.text
+    assert "flash 1 is too bright for every exposure" in caplog.text
 
 
 def test_tangents_are_found_within_their_stated_error(measured: OrientationMap) -> None:
@@ -108,8 +108,17 @@ def test_without_places_they_follow_from_the_highlight_and_distances(
     assert np.rad2deg(np.median(turn)) < 0.3
     with pytest.raises(InputError, match="the camera's place is not known"):
         flash_orientation(blind, SPACED, highlight(blind), light_distance_mm=200.0)
-    with pytest.raises(InputError, match="the place of flash 0 is not known"):
+    with pytest.raises(InputError, match="the place of flash 1 is not known"):
         flash_orientation(blind, SPACED, highlight(blind), camera_distance_mm=500.0)
+
+
+def test_fewer_photographs_than_asked_for_are_told(
+    white: FlashPhotographs, measured: OrientationMap, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO, "pipeline"):
+        found = flash_orientation(white, SPACED, highlight(white), photographs=5)
+    assert "there are 3 photographs, not 5" in caplog.text
+    assert np.array_equal(found.orientation_rad, measured.orientation_rad, equal_nan=True)
 
 
 def test_what_was_never_lit_stays_unknown_until_the_next_flash_shows_it(caplog: pytest.LogCaptureFixture) -> None:
@@ -125,7 +134,7 @@ def test_what_was_never_lit_stays_unknown_until_the_next_flash_shows_it(caplog: 
         first = orientation([[0.0, 0.0, 200.0]])
     assert np.isnan(first.orientation_rad[~first.mask]).all()
     assert 5 < first.metrics["lit_percent"] < 95
-    assert "percent of the tile were never lit. A flash at (" in caplog.text
+    assert "percent of the tile are not lit in the first photograph. A flash at (" in caplog.text
     proposed = [first.metrics[f"next_light_{axis}_mm"] for axis in "xyz"]
     both = orientation([[0.0, 0.0, 200.0], proposed])
     beside = orientation([[0.0, 0.0, 200.0], [1.0, 0.0, 200.0]])

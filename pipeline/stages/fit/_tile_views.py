@@ -142,7 +142,9 @@ def bench(
     if not np.isfinite(eye).all():
         if camera_distance_mm is None:
             raise InputError(
-                "the camera's place is not known", where="camera_distance_mm", expected="its distance from the sheet"
+                "the camera's place is not known",
+                where="camera_distance_mm",
+                expected="its distance from the sheet, or camera_mm in capture.yaml",
             )
         eye = np.array([0.0, 0.0, camera_distance_mm])
     lights = np.array(photos.light_mm, np.float64)
@@ -153,13 +155,13 @@ def bench(
         height = light[2] if np.isfinite(light[2]) else light_distance_mm
         if height is None:
             raise InputError(
-                f"the place of flash {index} is not known",
+                f"the place of flash {index + 1} is not known",
                 where="light_distance_mm",
-                expected="its distance from the sheet",
+                expected="its distance from the sheet, or lights_mm in capture.yaml",
             )
         if not np.isfinite(seen[index]).all():
             raise InputError(
-                f"neither the highlight of photograph {index} nor its flash's place is known",
+                f"neither the highlight of flash {index + 1} nor its place is known",
                 expected="a photograph that shows the highlight",
             )
         lights[index] = light_above(seen[index], height, eye)

@@ -136,6 +136,8 @@ def flash_orientation(
         coherence_um=coherence_um,
     )
     if photographs is not None:
+        if photographs > len(photos.radiance):
+            _log.info("there are %d photographs, not %d: all are read", len(photos.radiance), photographs)
         photos = replace(
             photos,
             radiance=photos.radiance[:photographs],
@@ -191,9 +193,9 @@ def flash_orientation(
                 "next_light_shows_percent": share,
             }
             _log.warning(
-                "%.1f percent of the tile were never lit. A flash at (%.0f, %.0f, %.0f) mm would show %.0f percent of "
-                "the directions that they may have.",
-                *(100 - metrics["lit_percent"], x, y, z, share),
+                "%.1f percent of the tile are not lit in %s. A flash at (%.0f, %.0f, %.0f) mm would show %.0f percent "
+                "of the directions that they may have.",
+                *(100 - metrics["lit_percent"], _counted(len(photos.radiance)), x, y, z, share),
             )
     return OrientationMap(
         orientation_rad=found[TANGENT],
@@ -205,6 +207,10 @@ def flash_orientation(
         standard_error_rad=found[ERROR],
         metrics=metrics,
     )
+
+
+def _counted(photographs: int) -> str:
+    return "the first photograph" if photographs == 1 else f"{photographs} photographs"
 
 
 def _levels(photos: FlashPhotographs, tiles: Tiles, placed: Bench) -> tuple[float, float, float]:

@@ -289,7 +289,8 @@ def _orders(photos: FlashPhotographs, wavelength_nm: float | None) -> Orders:
         raise InputError(
             "the photographs were taken without a filter",
             where="wavelength_nm",
-            expected="photographs with one: each wavelength is diffracted elsewhere",
+            expected="photographs with one, and its wavelength_nm in capture.yaml: each wavelength is diffracted "
+            "elsewhere",
         )
     if photos.wavelength_nm is None:
         _log.warning("without a filter all wavelengths are seen at once: periods are wrong")

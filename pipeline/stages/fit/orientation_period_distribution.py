@@ -113,7 +113,8 @@ def orientation_period_distribution(
         raise InputError(
             "the photographs were taken without a filter",
             where="wavelength_nm",
-            expected="photographs with one: of white light, many periods are bright at one place",
+            expected="photographs with one, and its wavelength_nm in capture.yaml: of "
+            "white light, many periods are bright at one place",
         )
     if photos.wavelength_nm is None:
         _log.warning("without a filter many periods are bright at one place: the distribution is redundant and wrong")
