@@ -88,8 +88,8 @@ class _Reader(YamlReader):
         known: dict[str, Callable[[yaml.Node], Any]] = {
             "kind": self.kind,
             "photos": self.photos,
-            "camera_mm": lambda node: self.numbers(node, 3, "[x, y, z] in mm", "camera_mm"),
-            "lights_mm": lambda node: self.places(node, 3, "a list of [x, y, z] in mm", "lights_mm"),
+            "camera_mm": lambda node: self.above(node, self.numbers(node, 3, "[x, y, z] in mm", "camera_mm")),
+            "lights_mm": self.lights,
             "sheet_mm": lambda node: self.numbers(node, 2, "[width, height] in mm, above 0", "sheet_mm", least=0.0),
             "corners_px": lambda node: self.places(node, 2, "four [column, row] in pixels", "corners_px", count=4),
             "room": self.file,
@@ -134,6 +134,17 @@ class _Reader(YamlReader):
             self.problem(node, f"'{text}' is no number of a light", "a whole number from 1")
             return None
         return int(text)
+
+    def lights(self, node: yaml.Node) -> tuple[Numbers, ...] | None:
+        found = self.places(node, 3, "a list of [x, y, z] in mm", "lights_mm")
+        for place in found or ():
+            self.above(node, place)
+        return found
+
+    def above(self, node: yaml.Node, place: Numbers | None) -> Numbers | None:
+        if place is not None and place[2] <= 0:
+            self.problem(node, f"{list(place)} is not above the sheet", "[x, y, z] in mm, z towards the camera")
+        return place
 
     def places(
         self, node: yaml.Node, length: int, expected: str, name: str, count: int | None = None

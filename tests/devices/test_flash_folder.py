@@ -92,6 +92,8 @@ def test_exposures_are_taken_from_the_files_where_nothing_is_stated(tmp_path: Pa
         ),
         ("kind: flash\ncamera_mm: 500\nphotos: [{file: a.png, light: 1}]", r"camera_mm is '500'"),
         ("kind: flash\nlights_mm: [[1, 2, 3]]\nphotos: [{file: a.png, light: 2}]", r"1, as lights_mm has 1"),
+        ("kind: flash\ncamera_mm: [0, 0, -9]\nphotos: [{file: a.png, light: 1}]", r"yaml:2[\s\S]*z towards the camera"),
+        ("kind: flash\nlights_mm: [[1, 2, 0]]\nphotos: [{file: a.png, light: 1}]", r"is not above the sheet"),
         ("kind: flash\nsheet_mm: [0, 2]\nphotos: [{file: a.png, light: 1}]", r"\[width, height\] in mm, above 0"),
         ("kind: flash\nlight_mm: [1]\nphotos: [{file: a.png, light: 1}]", r"did you mean 'lights_mm'"),
     ],

@@ -92,7 +92,7 @@ def flash_orientation(
     method : {"lobe", "threshold"}
         The paper's threshold, or the fit of lobes that starts from it.
     photographs : int, optional
-        How many of the photographs are read, the first ones; by default all.
+        How many of the photographs are read, the first ones; all by default, and where there are fewer.
     steps : int
         In which the threshold is lowered through two decades.
     floor : float, optional
