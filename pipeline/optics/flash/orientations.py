@@ -25,8 +25,10 @@ _REACH = 2.0
 _STEPS = 61
 _FAR = 16.0
 """Exponent beyond which a lobe is dark."""
-_MODEL_ERROR = 0.12
-"""Of a lobe's height: what its shape may be wrong by, however well few views are met."""
+_MODEL_ERROR = 0.05
+"""Of a lobe's brightness in a view: what its shape may be wrong by, however well few views are met."""
+_GROUND = 0.03
+"""Of a pixel's brightest view: what is seen beside lobes."""
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -98,7 +100,9 @@ def by_threshold(
                     weights += b
                     squares += (b * width[i, row, column]) ** 2
             found[TANGENT, row, column] = (middle + turned / weights) % np.pi
-            found[ERROR, row, column] = np.sqrt(squares) / weights
+            # Few views may all lie on flanks, as far off as they are dimmer than what lobes reach.
+            off = np.sqrt(max(1.0, 2 * np.log(peak / most))) if count < FEW else 1.0
+            found[ERROR, row, column] = off * np.sqrt(squares) / weights
             found[AGREEMENT, row, column] = best / total
 
 
@@ -152,16 +156,18 @@ def _lobe(
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _spread(scores: Any, best: int, views: float) -> float:
+def _spread(misfits: Any, best: int, free: int) -> float:
     """Standard deviation, in steps around the best, of tangents that explain the views about as well.
 
-    Where views are few, none may lie on one side of the tangent, and a lobe that leaves them goes unnoticed. ``views``
-    is how many count, each with the error of a lobe's shape and what the best lobe leaves.
+    Where views are few, none may lie on one side of the tangent, and a lobe that leaves them goes unnoticed.
+    ``misfits`` are sums of squares in standard deviations; where the least exceeds the degrees of freedom, these are
+    taken to be as much larger.
     """
-    noise = 2 * (_MODEL_ERROR**2 + 1 - scores[best])
+    least = misfits.min()
+    scale = 2 * max(1.0, least / max(free, 1))
     total = square = 0.0
-    for k in range(scores.size):
-        likely = np.exp(-views * (scores[best] - scores[k]) / noise)
+    for k in range(misfits.size):
+        likely = np.exp((least - misfits[k]) / scale)
         total += likely
         square += likely * (k - best) ** 2
     return float(np.sqrt(square / total))
@@ -178,15 +184,15 @@ def by_lobe(
     """
     views, rows, columns = brightness.shape
     use = np.empty(views, np.int64)
-    scores, crosses, norms, powers = np.empty(_STEPS), np.empty(_STEPS), np.empty(_STEPS), np.empty(_STEPS)
+    scores, crosses, norms = np.empty(_STEPS), np.empty(_STEPS), np.empty(_STEPS)
+    misfits, sure_crosses, sure_norms = np.empty(_STEPS), np.empty(_STEPS), np.empty(_STEPS)
     for row in range(rows):
         for column in range(columns):
             start = found[TANGENT, row, column]
             if not np.isfinite(start):
                 continue
-            wide = 0.0
+            wide = most = square = 0.0
             count = 0
-            square = 0.0
             for i in range(views):
                 b = brightness[i, row, column]
                 place = length[i, row, column] / step - 0.5
@@ -197,6 +203,7 @@ def by_lobe(
                     use[count] = i
                     count += 1
                     square += b * b
+                    most = max(most, b)
                     if turn < 2 * width[i, row, column]:
                         wide = max(wide, width[i, row, column])
             if count < 2 or wide == 0.0:
@@ -206,10 +213,14 @@ def by_lobe(
             turn_cosine, turn_sine = np.cos(spacing), np.sin(spacing)
             crosses[:] = 0
             norms[:] = 0
-            powers[:] = 0
+            sure_crosses[:] = 0
+            sure_norms[:] = 0
+            sure_square = 0.0
             for n in range(count):
                 i = use[n]
                 b, wide_here = brightness[i, row, column], width[i, row, column]
+                sure = 1 / max((_GROUND * most) ** 2 + (_MODEL_ERROR * b) ** 2, 1e-30)
+                sure_square += sure * b * b
                 height = gain[i, row, column] * _along(length[i, row, column], profile, step)
                 turn = azimuth[i, row, column] - first
                 sine, cosine = np.sin(turn) / wide_here, np.cos(turn) / wide_here
@@ -219,15 +230,17 @@ def by_lobe(
                         lobe = height * np.exp(-away)
                         crosses[k] += b * lobe
                         norms[k] += lobe * lobe
-                        powers[k] += lobe**4
+                        sure_crosses[k] += sure * b * lobe
+                        sure_norms[k] += sure * lobe * lobe
                     sine, cosine = sine * turn_cosine - cosine * turn_sine, cosine * turn_cosine + sine * turn_sine
-            best, bright, fourth = 0, 0.0, 0.0
+            best = 0
             for k in range(_STEPS):
                 scores[k] = crosses[k] * crosses[k] / max(norms[k] * square, 1e-30)
                 if scores[k] > scores[best]:
-                    best, bright, fourth = k, norms[k], powers[k]
+                    best = k
+                misfits[k] = sure_square - sure_crosses[k] * sure_crosses[k] / max(sure_norms[k], 1e-30)
             found[AGREEMENT, row, column] = np.sqrt(scores[best])
-            doubt = _spread(scores, best, bright**2 / max(fourth, 1e-30)) * spacing
+            doubt = _spread(misfits, best, count - 2) * spacing
             if best in (0, _STEPS - 1):
                 found[ERROR, row, column] = max(found[ERROR, row, column], doubt)
                 continue

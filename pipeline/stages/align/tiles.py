@@ -33,7 +33,8 @@ _ONE_SHEET_PX = 0.5
 """Distance of tiles from where one homography for the sheet puts them, up to which that is preferred."""
 _NO_BETTER = 1.25
 """Times as far as one homography leaves tiles off, up to which translation is preferred."""
-_BESIDE_PX = 1.0
+_BESIDE_PX, _UNLIKE, _ASTRAY = 1.0, 0.1, 0.25
+"""Pixels off and correlation that tell of a copy in a wrong place, and the share of such copies that is warned of."""
 _LEAST_TILES = 4
 _UNSURE = 0.4
 _log = logging.getLogger(__name__)
@@ -106,17 +107,21 @@ def tiles(
             residual[k] = shift_left(feature, pattern, chosen[k])
 
     over_rows(judge, len(chosen), tile=1)
+    astray = float(((residual > _BESIDE_PX) | (correlation < _UNLIKE)).mean())
     found |= {
         "tiles": float(len(numbers)),
+        "astray_percent": 100 * astray,
         "residual_px": float(np.nanmedian(residual)),
         "moved_px": float(np.max(moved)),
     }
-    tell = _log.info if found["residual_px"] <= _BESIDE_PX else _log.warning
+    tell = _log.info if astray <= _ASTRAY else _log.warning
     tell(
-        "%d tiles of %.4g x %.4g mm; half of them lie more than %.2g px beside the reference",
+        "%d tiles of %.4g x %.4g mm; %.0f percent lie more than a pixel beside the reference or do not look like it, "
+        "half more than %.2g px",
         len(numbers),
         size[0] * pitch,
         size[1] * pitch,
+        100 * astray,
         found["residual_px"],
     )
     seen = np.stack([cut(feature, homography, tile_shape) for homography in chosen])
