@@ -59,6 +59,8 @@ class Sweep:
         Wall time of all.
     tradeoff : Tradeoff or None
         Which errors are charted against which nodes' seconds.
+    timed_nodes : list of tuple of str
+        Which nodes these are, point by point.
     timed : dict of str to float
         Least seconds of those nodes' recipes, by key.
     maps : Maps or None
@@ -72,6 +74,7 @@ class Sweep:
     stages_found: int = 0
     seconds: float = 0.0
     tradeoff: Tradeoff | None = None
+    timed_nodes: list[tuple[str, ...]] = field(default_factory=list)
     timed: dict[str, float] = field(default_factory=dict)
     maps: Maps | None = None
 
@@ -123,11 +126,11 @@ class Sweep:
         assert self.tradeoff is not None
         wanted = self.tradeoff
         places: list[dict[str, Any]] = []
-        for point in self.points:
-            seconds = {name: self.timed.get(point.run.nodes[name].key) for name in wanted.nodes}
+        for point, nodes in zip(self.points, self.timed_nodes, strict=True):
+            seconds = {name: self.timed.get(point.run.nodes[name].key) for name in nodes}
             known = [value for value in seconds.values() if value is not None]
             total = sum(known) if len(known) == len(seconds) else None
-            each = {seconds_of(name): value for name, value in seconds.items()}
+            each = {seconds_of(name): seconds.get(name) for name in wanted.nodes}
             places.append({**each, wanted.seconds: total, **{wanted.pareto(error): None for error in wanted.errors}})
         for error in wanted.errors:
             panels: dict[tuple[str, ...], list[tuple[int, float, float]]] = {}

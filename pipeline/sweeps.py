@@ -21,7 +21,7 @@ from pipeline.graph.compose import hydra_ready, is_sweep, opened, readable_error
 from pipeline.graph.config import groups
 from pipeline.graph.nodes import Node
 from pipeline.graph.selection import forced
-from pipeline.graph.studies import maps_of, tradeoff_of, unknown_figures
+from pipeline.graph.studies import Tradeoff, maps_of, together, tradeoff_of, unknown_figures
 from pipeline.runs import Run, last_keys
 from pipeline.storage.keys import digest
 from pipeline.storage.record import Record
@@ -223,11 +223,11 @@ class _Batches:
         if wanted is None:
             return
         recipes: dict[str, tuple[Node, dict[str, str]]] = {}
-        for experiment, point in zip(self.experiments, self.sweep.points, strict=True):
-            can_run = all(point.run.has(name) and name not in experiment.taken for name in wanted.nodes)
+        for experiment, point, nodes in zip(self.experiments, self.sweep.points, self.sweep.timed_nodes, strict=True):
+            can_run = all(point.run.has(name) and name not in experiment.taken for name in nodes)
             if not can_run or not any(error in point.run.metrics for error in wanted.errors):
                 continue
-            for node in (experiment.graph.nodes[name] for name in wanted.nodes):
+            for node in (experiment.graph.nodes[name] for name in nodes):
                 artifacts = {name: point.run.nodes[name].artifact for name in node.upstream()}
                 recipes.setdefault(point.run.nodes[node.name].key, (node, artifacts))
         name = f"timing {wanted.timed}"
@@ -265,10 +265,16 @@ class _Batches:
         written = experiments[0].configuration
         swept = {word.lstrip("+").partition("=")[0] for words in jobs for word in words}
         problems: list[InputError] = []
+        asked: list[Tradeoff] = []
         try:
-            self.sweep.tradeoff = tradeoff_of(written, swept, [experiment.graph for experiment in experiments])
+            for experiment in experiments:  # what is timed may differ between points
+                wanted = tradeoff_of(experiment.configuration, swept, [experiment.graph])
+                asked += [wanted] if wanted else []
         except InputErrors as several:
             problems += several.errors
+        if asked:
+            self.sweep.timed_nodes += [one.nodes for one in asked]
+            self.sweep.tradeoff = together(asked)
         try:
             self.sweep.maps = maps_of(written, swept)
         except InputErrors as several:

@@ -18,9 +18,9 @@ POINTS = {
     "tradeoff_flash_camera": (*SMALL, "paper=polygons", "camera=px_600", "photographs=1", "method=threshold_3,lobe"),
     "tradeoff_flash_period": (
         *SMALL,
-        "++filtered.camera.samples=1",
+        "filtered_rig.camera.samples=1",
         "rig.camera.size_px=[600,400]",
-        "filtered.camera.size_px=[600,400]",
+        "filtered_rig.camera.size_px=[600,400]",
         "paper=polygons",
         "photographs=1",
         "green=1",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -18,6 +19,9 @@ from pipeline.devices.capture_yaml import CAPTURE_FILE
 from pipeline.devices.flash_yaml import KIND, FlashCapture, read_flash_yaml
 from pipeline.devices.photo_files import DISPLAY_SUFFIXES, RAW_SUFFIXES, read_photo
 from pipeline.errors import InputError, InputErrors, nearest
+
+_DARKER = 0.9
+"""A longer exposure that is less bright than so much of a shorter one is not what it is stated to be."""
 
 
 class FlashFolder:
@@ -126,7 +130,7 @@ class FlashFolder:
         InputError, InputErrors
             What is wrong, in which file or line, and what was expected.
         """
-        problems, sizes = [], {}
+        problems, sizes, brightness = [], {}, {}
         for file in self._every_file:
             try:
                 image = _read(file).image
@@ -134,6 +138,7 @@ class FlashFolder:
                 problems.append(error.at(str(self._capture.source)))
                 continue
             sizes[file] = image.shape[:2]
+            brightness[file] = float(image.mean())
             if not np.isfinite(image).all():
                 problems.append(InputError("pixels are NaN or infinite", where=str(file), expected="finite signal"))
         usual = next(iter(sizes.values()), None)
@@ -149,6 +154,7 @@ class FlashFolder:
         if problems:
             raise InputErrors(problems)
         self._refuse_unequal_brackets()
+        self._refuse_darker(brightness)
 
     def put(self, index: int | None) -> None:
         """Choose a place of the flash, or the room's light."""
@@ -186,6 +192,24 @@ class FlashFolder:
                     expected=f"{sorted(brackets.get(1, []))} s, as light 1 has",
                 )
 
+    def _refuse_darker(self, brightness: Mapping[Path, float]) -> None:
+        problems = []
+        for light in range(1, len(self.light_mm) + 1):
+            for shorter, longer in itertools.pairwise(self.exposure_s):
+                dim, bright = self._files[light, shorter], self._files[light, longer]
+                if brightness[bright] < _DARKER * brightness[dim]:
+                    problems.append(
+                        InputError(
+                            f"{bright.name} of {longer:g} s is darker than {dim.name} of {shorter:g} s",
+                            where=str(self._capture.source),
+                            expected="longer exposures that are brighter, ISO and aperture being the same",
+                            hint="exposure_s is in seconds: 0.002 is 1/500 s",
+                        )
+                    )
+                    break
+        if problems:
+            raise InputErrors(problems)
+
     @property
     def _every_file(self) -> list[Path]:
         room = self._capture.room
@@ -201,7 +225,7 @@ class FlashFolder:
                 raise InputError(
                     f"the exposure of {photo.file.name} is not known",
                     where=str(self._capture.source),
-                    expected="exposure_s",
+                    expected="exposure_s, or a file that states it",
                 )
             if (photo.light, time) in found:
                 raise InputError(

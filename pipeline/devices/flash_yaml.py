@@ -88,10 +88,10 @@ class _Reader(YamlReader):
         known: dict[str, Callable[[yaml.Node], Any]] = {
             "kind": self.kind,
             "photos": self.photos,
-            "camera_mm": lambda node: self.numbers(node, 3, "[x, y, z] in mm"),
-            "lights_mm": lambda node: self.places(node, 3, "a list of [x, y, z] in mm"),
-            "sheet_mm": lambda node: self.numbers(node, 2, "[width, height] in mm, above 0", least=0.0),
-            "corners_px": lambda node: self.places(node, 2, "four [column, row] in pixels", count=4),
+            "camera_mm": lambda node: self.above(node, self.numbers(node, 3, "[x, y, z] in mm", "camera_mm")),
+            "lights_mm": self.lights,
+            "sheet_mm": lambda node: self.numbers(node, 2, "[width, height] in mm, above 0", "sheet_mm", least=0.0),
+            "corners_px": lambda node: self.places(node, 2, "four [column, row] in pixels", "corners_px", count=4),
             "room": self.file,
             "linear": self.boolean,
             "wavelength_nm": self.positive,
@@ -106,7 +106,8 @@ class _Reader(YamlReader):
         lights = sorted({photo.light for photo in capture.photos})
         count = len(lights) if capture.lights_mm is None else len(capture.lights_mm)
         if lights != list(range(1, count + 1)):
-            self.problem(root, f"the photos have the lights {lights}", f"every number from 1 to {count}")
+            places = "" if capture.lights_mm is None else f", as lights_mm has {count}"
+            self.problem(root, f"the photos have the lights {lights}", f"every number from 1 to {count}{places}")
         return capture
 
     def kind(self, node: yaml.Node) -> str | None:
@@ -134,23 +135,36 @@ class _Reader(YamlReader):
             return None
         return int(text)
 
+    def lights(self, node: yaml.Node) -> tuple[Numbers, ...] | None:
+        found = self.places(node, 3, "a list of [x, y, z] in mm", "lights_mm")
+        for place in found or ():
+            self.above(node, place)
+        return found
+
+    def above(self, node: yaml.Node, place: Numbers | None) -> Numbers | None:
+        if place is not None and place[2] <= 0:
+            self.problem(node, f"{list(place)} is not above the sheet", "[x, y, z] in mm, z towards the camera")
+        return place
+
     def places(
-        self, node: yaml.Node, length: int, expected: str, count: int | None = None
+        self, node: yaml.Node, length: int, expected: str, name: str, count: int | None = None
     ) -> tuple[Numbers, ...] | None:
         items = node.value if isinstance(node, yaml.SequenceNode) else []
         if not items or (count is not None and len(items) != count):
-            self.problem(node, f"this is {described(node)}", expected)
+            self.problem(node, f"{name} is {described(node)}", expected)
             return None
-        found = [self.numbers(item, length, expected) for item in items]
+        found = [self.numbers(item, length, expected, f"one of {name}") for item in items]
         return None if any(place is None for place in found) else tuple(place for place in found if place is not None)
 
-    def numbers(self, node: yaml.Node, length: int, expected: str, least: float = -math.inf) -> Numbers | None:
+    def numbers(
+        self, node: yaml.Node, length: int, expected: str, name: str, least: float = -math.inf
+    ) -> Numbers | None:
         items = node.value if isinstance(node, yaml.SequenceNode) else []
         try:
             found = tuple(float(str(self.text(item))) for item in items)
         except ValueError:
             found = ()
         if len(found) != length or not all(math.isfinite(number) and number > least for number in found):
-            self.problem(node, f"this is {described(node)}", expected)
+            self.problem(node, f"{name} is {described(node)}", expected)
             return None
         return found

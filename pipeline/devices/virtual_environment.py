@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.devices.virtual_light import Image
-from pipeline.devices.virtual_sheet import Sheet, offsets, shown, shown_slopes
+from pipeline.devices.virtual_sheet import Sheet, enough_samples, most_samples, offsets, shown, shown_slopes
 from pipeline.errors import InputError
 from pipeline.optics.environment import delta, ordered, separated, window
 from pipeline.optics.environment.area_map import AreaMap, area_map
@@ -33,8 +34,10 @@ _CHECKED = 96
 _RANKED = 48
 """Those on which each look-up's importance is measured."""
 _TILE = 8
-_SPENT_ON_STEPS = 0.7
-"""Share of the tolerance that coarse wavelengths may use up; the rest is for look-ups that are left out."""
+_SPENT_ON_STEPS = 0.85
+"""Share of the tolerance that coarse wavelengths may use up."""
+_LEFT_OUT = (0.3, 0.15, 0.05)
+"""Shares that look-ups may add up to which are left out, the next where the tolerance is not kept."""
 _APART_TEXELS = 15.0
 """Between nodes, times the tolerance: at edges of the probe the error grows with the distance."""
 _WORTH_NODES = 0.5
@@ -84,7 +87,7 @@ def render_in_environment(
     *,
     evaluator: Evaluator = "auto",
     wavelength_step_nm: float | None = None,
-    samples: int = 1,
+    samples: int | None = 1,
     tolerance: float = 0.01,
 ) -> Image:
     """Radiance of a sheet, linear sRGB in the probe's unit, shape (rows, columns, 3).
@@ -97,15 +100,17 @@ def render_in_environment(
         See :func:`pipeline.stages.render.environment.environment`.
     wavelength_step_nm : float, optional
         Step of the spectral sum; by default 5 nm, or as coarse as the tolerance allows where look-ups are ordered.
-    samples : int
-        Points along each side of a pixel.
+    samples : int, optional
+        Points along each side of a pixel; None for as many as change what is shown.
     tolerance : float
-        Error relative to the largest value that fast evaluators may make.
+        Error relative to the largest value that fast evaluators may make, and share of the light that they may lose.
     """
     rgb = np.zeros((view.rows, view.columns, 3), np.float32)
     if not np.isfinite(sheet.period_um).any():
         return rgb
-    paint = _chosen(_Scene(sheet, view, probe, gratings, samples, tolerance), evaluator, wavelength_step_nm)
+    scene = _Scene(sheet, view, probe, gratings, tolerance, wavelength_step_nm)
+    samples = samples or _enough_samples(scene)
+    paint = _chosen(scene, evaluator, view.rows * view.columns * samples**2)
     for done, offset in enumerate(offsets(samples)):
         moved = view.moved(*offset)
         grid, slopes = shown(sheet.gratings, moved), shown_slopes(sheet, moved)
@@ -127,18 +132,23 @@ class _Scene:
     view: View
     probe: Probe
     gratings: Gratings
-    samples: int
     tolerance: float
+    wavelength_step_nm: float | None = None
 
     @property
     def periods_um(self) -> tuple[float, float]:
         """The shortest and the longest."""
         return float(np.nanmin(self.sheet.period_um)), float(np.nanmax(self.sheet.period_um))
 
-    @property
-    def points(self) -> int:
-        """For which radiance is needed."""
-        return self.view.rows * self.view.columns * self.samples**2
+    @cached_property
+    def area(self) -> AreaMap:
+        """The probe, for look-ups."""
+        return area_map(self.probe, all_around=self.sheet.bumps is not None)
+
+    @cached_property
+    def look_ups(self) -> LookUps:
+        """Those that the tolerance needs."""
+        return _most_important(self)
 
     def orders(self, step_nm: float) -> delta.Orders:
         """Of the sheet's gratings."""
@@ -150,13 +160,24 @@ class _Scene:
             normal_reflectance=self.gratings.normal_reflectance,
         )
 
+    def every(self, side: int) -> int:
+        """Every how manieth pixel is one of at most ``side`` along a side."""
+        return max(1, -(-max(self.view.rows, self.view.columns) // side))
+
     def some(self, side: int) -> _Part:
         """What some of its pixels show, at most ``side`` of them along a side."""
-        every = max(1, -(-max(self.view.rows, self.view.columns) // side))
-        row, column = np.nonzero(shown(self.sheet.gratings, self.view)[2] > 0)
-        # From the first pixels between which most have gratings: fine patterns may leave the others dark.
+        every = self.every(side)
+        # From where most have gratings: fine patterns may leave others dark, or the middles of all pixels.
+        for offset in ((0.0, 0.0), *offsets(most_samples(self.sheet, self.view))):
+            seen = self.view.moved(*offset)
+            row, column = np.nonzero(shown(self.sheet.gratings, seen)[2] > 0)
+            if row.size:
+                break
         down, across = divmod(int(np.bincount(row % every * every + column % every, minlength=1).argmax()), every)
-        few = self.view.moved(across, down).thinned(every)
+        return self.part(seen.moved(across, down).thinned(every))
+
+    def part(self, few: View) -> _Part:
+        """What a view of few pixels shows."""
         return _Part(few, shown(self.sheet.gratings, few), shown_slopes(self.sheet, few))
 
 
@@ -175,24 +196,40 @@ class _Part:
         return rgb
 
 
-def _chosen(scene: _Scene, evaluator: Evaluator, wavelength_step_nm: float | None) -> Paint:
-    """What paints rows, by the evaluator that is asked for, or that pays."""
+def _enough_samples(scene: _Scene) -> int:
+    """Points along a side of a pixel, chosen with ordered look-ups on some of the pixels."""
+    most = most_samples(scene.sheet, scene.view)
+    if most == 1:
+        return 1
+    paint = _looking_up(scene, scene.look_ups)
+    few, every = scene.some(_CHECKED).view, scene.every(_CHECKED)
+
+    def averaged(samples: int) -> Image:
+        rgb = np.zeros((few.rows, few.columns, 3), np.float32)
+        for across, down in offsets(samples):
+            rgb += scene.part(few.moved(across / every, down / every)).painted(paint)
+        return rgb / np.float32(samples**2)
+
+    return enough_samples(averaged, most, scene.tolerance)
+
+
+def _chosen(scene: _Scene, evaluator: Evaluator, points: int) -> Paint:
+    """What paints rows, by the evaluator that is asked for, or that pays for so many points of the sheet."""
     insists = evaluator != "auto"
     if not insists:
-        evaluator = "reference" if scene.points < _WORTH_CHOOSING else "low_rank" if _many(scene) else "ordered"
-        _log.info("Evaluator %s, for %d points of the sheet.", evaluator, scene.points)
+        many = scene.sheet.bumps is None and len(_nodes(scene)) < _WORTH_NODES * points
+        evaluator = "reference" if points < _WORTH_CHOOSING else "low_rank" if many else "ordered"
+        _log.info("Evaluator %s, for %d points of the sheet.", evaluator, points)
     if evaluator == "brute":
-        return _brute(scene, wavelength_step_nm or FINE_NM)
+        return _brute(scene, scene.wavelength_step_nm or FINE_NM)
     if evaluator == "reference":
-        return _reference(scene, wavelength_step_nm or FINE_NM)
-    area = area_map(scene.probe, all_around=scene.sheet.bumps is not None)
-    look_ups = _most_important(scene, area, wavelength_step_nm)
+        return _reference(scene, scene.wavelength_step_nm or FINE_NM)
     if evaluator == "ordered":
-        return _looking_up(scene, area, look_ups)
+        return _looking_up(scene, scene.look_ups)
     if scene.sheet.bumps is not None:
         _log.warning("A sheet with bumps has no low rank: its look-ups are ordered.")
-        return _looking_up(scene, area, look_ups)
-    return _separated(scene, area, look_ups, insists)
+        return _looking_up(scene, scene.look_ups)
+    return _separated(scene, points, insists)
 
 
 def _reference(scene: _Scene, step_nm: float) -> Paint:
@@ -222,39 +259,79 @@ def _brute(scene: _Scene, step_nm: float) -> Paint:
     return paint
 
 
-def _looking_up(scene: _Scene, area: AreaMap, look_ups: LookUps) -> Paint:
+def _looking_up(scene: _Scene, look_ups: LookUps) -> Paint:
     def paint(rgb: Image, span: Span, gratings: Image, view: View, slopes: Image | None) -> None:
         ordered.shade_rows(
-            rgb, span, gratings, view=view, probe=scene.probe, map_=area, look_ups=look_ups, slopes=slopes
+            rgb, span, gratings, view=view, probe=scene.probe, map_=scene.area, look_ups=look_ups, slopes=slopes
         )
 
     return paint
 
 
-def _most_important(scene: _Scene, area: AreaMap, wavelength_step_nm: float | None) -> LookUps:
+def _most_important(scene: _Scene) -> LookUps:
     """The coarsest wavelengths and the fewest look-ups that keep the tolerance on some of the pixels."""
     checked, tolerance = scene.some(_CHECKED), scene.tolerance
     exact = checked.painted(_reference(scene, FINE_NM))
     period = float(np.nanmedian(scene.sheet.period_um))
-    for step in STEPS_NM if wavelength_step_nm is None else (wavelength_step_nm,):
-        every = ordered.all_look_ups(scene.orders(step), area, period)
-        if _error(checked.painted(_looking_up(scene, area, every)), exact) <= _SPENT_ON_STEPS * tolerance:
+    for step in STEPS_NM if scene.wavelength_step_nm is None else (scene.wavelength_step_nm,):
+        every = ordered.all_look_ups(scene.orders(step), scene.area, period)
+        if _error(checked.painted(_looking_up(scene, every)), exact) <= _SPENT_ON_STEPS * tolerance:
             break
-    ranked = scene.some(_RANKED)
-    each = np.zeros((len(every), ranked.view.rows, ranked.view.columns, 3), np.float32)
-    for k, rgb in enumerate(each):
-        one = _looking_up(scene, area, every.picked(np.array([k])).without_zeroth())
-        one(rgb, (0, len(rgb)), ranked.gratings, ranked.view, ranked.slopes)
-    by_importance = np.argsort(-each.max(axis=(1, 2, 3)), kind="stable")
-    left_out = np.cumsum(each[by_importance[::-1]], axis=0)[::-1].max(axis=(1, 2, 3))
-    needed = left_out > (1 - _SPENT_ON_STEPS) * tolerance * float(exact.max())
-    look_ups = every.picked(np.sort(by_importance[: int(np.count_nonzero(needed))]))
+    importance = _importance(scene, every)
+    for left in _LEFT_OUT:
+        kept, light = importance.kept(left * tolerance * float(exact.max()), tolerance)
+        look_ups = every.picked(kept)
+        error = _error(checked.painted(_looking_up(scene, look_ups)), exact)
+        if error <= tolerance:
+            break
     _tell(
-        f"{len(look_ups)} of {len(every)} look-ups, every {step:g} nm, the most important first,",
-        _error(checked.painted(_looking_up(scene, area, look_ups)), exact),
+        f"{len(look_ups)} of {len(every)} look-ups, every {step:g} nm, the most important first, "
+        f"with {100 * light:.3g} percent of the light,",
+        error,
         tolerance,
+        "evaluator=reference sums all" if step <= FINE_NM else f"wavelength_step_nm={FINE_NM:g} is finer",
     )
     return look_ups
+
+
+@dataclass(frozen=True, eq=False)
+class _Importance:
+    """What each look-up adds to some of the pixels.
+
+    Attributes
+    ----------
+    each : ndarray of shape (K, rows, columns, 3), float32
+        Radiance.
+    zeroth : float
+        Sum of the zeroth order's.
+    """
+
+    each: Image
+    zeroth: float
+
+    def kept(self, value: float, share: float) -> tuple[NDArray[np.integer], float]:
+        """Indices without those that add up to less than a value everywhere and to a share of all light, and theirs."""
+        order = np.argsort(-self.each.max(axis=(1, 2, 3)), kind="stable")
+        left_out = np.cumsum(self.each[order[::-1]], axis=0)[::-1].max(axis=(1, 2, 3))
+        seen = int(np.count_nonzero(left_out > value))
+        # A lamp's image is far brighter than a sky, whose light may come in many look-ups that are small everywhere.
+        light = self.each.sum(axis=(1, 2, 3), dtype=np.float64)
+        rest = order[seen:][np.argsort(-light[order[seen:]], kind="stable")]
+        total = self.zeroth + light.sum()
+        dim = int(np.count_nonzero(np.cumsum(light[rest][::-1]) > share * total))
+        lost = light[rest[dim:]].sum() / total if total > 0 else 0.0
+        return np.sort(np.concatenate([order[:seen], rest[:dim]])), 1 - float(lost)
+
+
+def _importance(scene: _Scene, every: LookUps) -> _Importance:
+    ranked = scene.some(_RANKED)
+
+    def painted(which: list[int]) -> Image:
+        return ranked.painted(_looking_up(scene, every.picked(np.array(which, np.int64))))
+
+    zeroth = painted([])
+    each = [painted([k]) - zeroth for k in range(len(every))]
+    return _Importance(np.array(each, np.float32).reshape(-1, *zeroth.shape), float(zeroth.sum()))
 
 
 def _nodes(scene: _Scene) -> separated.Nodes:
@@ -262,17 +339,13 @@ def _nodes(scene: _Scene) -> separated.Nodes:
     return separated.nodes_of(scene.view, scene.periods_um, apart)
 
 
-def _many(scene: _Scene) -> bool:
-    return scene.sheet.bumps is None and len(_nodes(scene)) < _WORTH_NODES * scene.points
-
-
-def _separated(scene: _Scene, area: AreaMap, look_ups: LookUps, insists: bool) -> Paint:
-    nodes = _nodes(scene)
-    if len(nodes) > min(scene.points, _MOST_NODES):
-        _log.warning("%s would be more work than all %d points: look-ups are ordered.", nodes, scene.points)
-        return _looking_up(scene, area, look_ups)
-    diffracted = _looking_up(scene, area, look_ups.without_zeroth())
-    mirrored = _looking_up(scene, area, look_ups.picked(np.array([], np.int64)))
+def _separated(scene: _Scene, points: int, insists: bool) -> Paint:
+    nodes, look_ups = _nodes(scene), scene.look_ups
+    if len(nodes) > min(points, _MOST_NODES):
+        _log.warning("%s would be more work than all %d points: look-ups are ordered.", nodes, points)
+        return _looking_up(scene, look_ups)
+    diffracted = _looking_up(scene, look_ups.without_zeroth())
+    mirrored = _looking_up(scene, look_ups.picked(np.array([], np.int64)))
 
     def at_nodes(rgb: Image, gratings: Image, view: View) -> None:
         over_rows(partial(_rows, diffracted, rgb, gratings, view, None), view.rows, tile=_TILE)
@@ -298,17 +371,18 @@ def _separated(scene: _Scene, area: AreaMap, look_ups: LookUps, insists: bool) -
     error = _error(checked.painted(paint), checked.painted(_reference(scene, FINE_NM)))
     if error > scene.tolerance and not insists:
         _log.info("Between %s values would differ by %.2g percent: look-ups are ordered.", nodes, 100 * error)
-        return _looking_up(scene, area, look_ups)
-    _tell(f"{nodes}, and what lies between them,", error, scene.tolerance)
+        return _looking_up(scene, look_ups)
+    _tell(f"{nodes}, and what lies between them,", error, scene.tolerance, "evaluator=ordered is nearer")
     return paint
 
 
-def _tell(what: str, error: float, tolerance: float) -> None:
-    _log.log(
-        logging.INFO if error <= tolerance else logging.WARNING,
-        "%s differ from the reference by up to %.2g percent of the largest value on all but a thousandth of pixels.",
+def _tell(what: str, error: float, tolerance: float, advice: str) -> None:
+    kept = error <= tolerance
+    (_log.info if kept else _log.warning)(
+        "%s differ from the reference by up to %.2g percent of the largest value on all but a thousandth of pixels%s.",
         what,
         100 * error,
+        "" if kept else f"; {advice}, tolerance={float(f'{1.1 * error:.2g}'):g} allows it",
     )
 
 

@@ -19,7 +19,7 @@ from pipeline.errors import InputError
 from pipeline.optics.colour import encode_srgb
 from pipeline.optics.gratings import window_spread
 from pipeline.optics.sheet import tabulated
-from pipeline.optics.sheet.colour_table import ColourTable, colour_table
+from pipeline.optics.sheet.colour_table import ColourTable, Precision, colour_table
 from pipeline.optics.sheet.extent import Extent, extent
 from pipeline.optics.sheet.maps import Bumps, Tiled, prepared_gratings, sample_rows, slope_rows
 from pipeline.optics.sheet.view import View
@@ -107,17 +107,9 @@ def automatic_sampling(
 
     Twice as many along a side are compared on some of the pixels, by the root mean square of what a display shows.
     """
-    most = min(_MOST_CHOSEN, max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01))))
+    most = most_samples(sheet, view)
     if samples is None and most > 1 and np.isfinite(sheet.period_um).any():
-        samples, left = _enough_samples(sheet, view, lighting, most, tolerance)
-        enough = left <= tolerance
-        (_log.info if enough else _log.warning)(
-            "Each pixel is the mean of %d x %d points; twice as many a side change what is shown by %.2g percent%s.",
-            samples,
-            samples,
-            100 * left,
-            "" if enough else f": samples={2 * samples} averages those, and takes four times as long",
-        )
+        samples = enough_samples(_averaged(sheet, view, lighting, most, tolerance), most, tolerance)
     samples = samples or 1
     part = _pixel_part(sheet, view, lighting, samples, tolerance)
     if part:
@@ -132,13 +124,52 @@ def _pixel_part(sheet: Sheet, view: View, lighting: Lighting, samples: int, tole
     return 1 / samples if occurring.pixel_variance > tolerance * narrowest else 0.0
 
 
-def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tolerance: float) -> tuple[int, float]:
-    """Points along a side of a pixel, at most so many, and by how much twice as many change what is lit."""
+def most_samples(sheet: Sheet, view: View) -> int:
+    """Points of the maps along a side of a pixel, of which more would show nothing new; not too many."""
+    return min(_MOST_CHOSEN, max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01))))
+
+
+def enough_samples(averaged: Callable[[int], Image], most: int, tolerance: float) -> int:
+    """Points along a side of a pixel of which twice as many change little; says so.
+
+    Parameters
+    ----------
+    averaged : callable
+        The picture, shape (..., 3), by so many points along a side.
+    most : int
+        Of these at most.
+    tolerance : float
+        Root mean square of what a display shows.
+    """
+    samples, picture, left = 1, averaged(1), 0.0
+    while True:
+        finer = averaged(2 * samples)
+        lit = finer.max(axis=-1) > _LIT * finer.max()
+        if lit.any():
+            white = white_level(finer, 99.5)
+            change = encode_srgb(finer[lit] / white) - encode_srgb(picture[lit] / white)
+            left = float(np.sqrt(np.mean(change**2)))
+        if left <= tolerance or samples >= most:
+            break
+        samples, picture = 2 * samples, finer
+    enough = left <= tolerance
+    (_log.info if enough else _log.warning)(
+        "Each pixel is the mean of %d x %d points; twice as many a side change what is shown by %.2g percent%s.",
+        samples,
+        samples,
+        100 * left,
+        "" if enough else f": samples={2 * samples} averages those, and takes four times as long",
+    )
+    return samples
+
+
+def _averaged(sheet: Sheet, view: View, lighting: Lighting, most: int, tolerance: float) -> Callable[[int], Image]:
+    """Some of the pixels, by points along their sides."""
     few, every = _few(view)
     table = None
     if few.rows * few.columns * len(lighting.lights_mm) * (2 * most) ** 2 >= _WORTH_A_TABLE:
         with suppress(ValueError):
-            table = _table(sheet, view, lighting, 1.0, tolerance)
+            table = _table(sheet, view, lighting, 1.0, tolerance, "single")
 
     def painted(seen: View, part: float) -> Paint:
         if table is None:
@@ -154,34 +185,7 @@ def _enough_samples(sheet: Sheet, view: View, lighting: Lighting, most: int, tol
                 paint(picture, light)
         return rgb / np.float32(samples**2)
 
-    samples, picture, left = 1, mean(1), 0.0
-    while True:
-        finer = mean(2 * samples)
-        lit = finer.max(axis=-1) > _LIT * finer.max()
-        if lit.any():
-            white = white_level(finer, 99.5)
-            change = encode_srgb(finer[lit] / white) - encode_srgb(picture[lit] / white)
-            left = float(np.sqrt(np.mean(change**2)))
-        if left <= tolerance or samples >= most:
-            return samples, left
-        samples, picture = 2 * samples, finer
-
-
-def automatic_samples(sheet: Sheet, view: View, samples: int | None) -> int:
-    """Points along a pixel's side: as many as are asked for, or points of the maps that it shows."""
-    if samples is None:
-        wanted = max(1, int(np.ceil(_pixel_mm(sheet, view) / sheet.pixel_mm - 0.01)))
-        samples = min(wanted, MOST_SAMPLES)
-        if wanted > samples:
-            _log.warning(
-                "A pixel shows %d points of the maps along a side, and %d are looked at: fine patterns may be grainy; "
-                "a larger size_px shows fewer in a pixel",
-                wanted,
-                samples,
-            )
-        elif samples > 1:
-            _log.info("Each pixel is the mean of %d x %d points of the maps.", samples, samples)
-    return samples
+    return mean
 
 
 def render_sheet(
@@ -192,6 +196,7 @@ def render_sheet(
     evaluator: Evaluator = "spectral",
     sampling: Sampling = POINTS,
     tolerance: float = 0.01,
+    precision: Precision = "single",
     together: bool = False,
 ) -> Image:
     """Relative radiance of a sheet under lights, linear sRGB of shape (lights, rows, columns, 3).
@@ -206,6 +211,8 @@ def render_sheet(
         How a pixel's area is covered.
     tolerance : float
         Largest error of a look-up, relative to white.
+    precision : {"single", "double"}
+        Of look-ups.
     together : bool
         Add all lights up to one picture.
     """
@@ -220,7 +227,7 @@ def render_sheet(
         illuminant=lighting.illuminant,
         tolerance=tolerance,
     )
-    add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance)
+    add = _chosen(sheet, view, lighting, evaluator, sampling, tolerance, precision)
     steps = count * sampling.samples**2
     done = 0
     for sample in offsets(sampling.samples):
@@ -237,7 +244,13 @@ Paint = Callable[[Image, NDArray[np.float64]], None]
 
 
 def _chosen(
-    sheet: Sheet, view: View, lighting: Lighting, evaluator: Evaluator, sampling: Sampling, tolerance: float
+    sheet: Sheet,
+    view: View,
+    lighting: Lighting,
+    evaluator: Evaluator,
+    sampling: Sampling,
+    tolerance: float,
+    precision: Precision,
 ) -> Callable[[View], Paint]:
     """What paints a view, by the evaluator that is asked for, or that pays."""
     work = view.rows * view.columns * len(lighting.lights_mm) * sampling.samples**2
@@ -246,7 +259,7 @@ def _chosen(
         warn_of_aliasing(sheet.period_um, lighting)
         return lambda seen: _summed(sheet, seen, lighting, sampling.pixel_part)
     try:
-        table = _table(sheet, view, lighting, sampling.pixel_part, tolerance)
+        table = _table(sheet, view, lighting, sampling.pixel_part, tolerance, precision)
     except ValueError as problem:
         if evaluator == "tabulated":
             raise InputError(str(problem), where="evaluator", expected="spectral, or a larger tolerance") from None
@@ -277,7 +290,8 @@ def _summed(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float) -> 
 
 
 def _looked_up(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, table: ColourTable) -> Paint:
-    gratings, slopes = shown(sheet.gratings, view), shown_slopes(sheet, view)
+    gratings = shown(sheet.gratings, view).astype(table.orders.dtype, copy=False)
+    slopes = shown_slopes(sheet, view)
 
     def paint(picture: Image, light_mm: NDArray[np.float64]) -> None:
         def shade(first: int, last: int) -> None:
@@ -298,7 +312,9 @@ def _looked_up(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, 
     return paint
 
 
-def _table(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tolerance: float) -> ColourTable:
+def _table(
+    sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tolerance: float, precision: Precision
+) -> ColourTable:
     occurring = _extents(sheet, view, lighting, pixel_part)
     return colour_table(
         occurring,
@@ -309,6 +325,7 @@ def _table(sheet: Sheet, view: View, lighting: Lighting, pixel_part: float, tole
         orders=lighting.orders,
         tolerance=tolerance,
         normal_reflectance=lighting.normal_reflectance,
+        precision=precision,
     )
 
 

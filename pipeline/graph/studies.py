@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -25,6 +25,8 @@ class Tradeoff:
         Figures of merit, smaller is better; each has a chart and a Pareto front of its own.
     nodes : tuple of str
         What is timed; the seconds of several are added.
+    alike : bool
+        Whether these are timed at every point; else each point has some of them.
     repeats : int
         How often each recipe is timed, after one time that does not count.
     panels : tuple of str
@@ -35,6 +37,7 @@ class Tradeoff:
     nodes: tuple[str, ...]
     repeats: int = 3
     panels: tuple[str, ...] = ()
+    alike: bool = True
 
     @property
     def seconds(self) -> str:
@@ -44,6 +47,8 @@ class Tradeoff:
     @property
     def timed(self) -> str:
         """What is timed, in words."""
+        if not self.alike:
+            return "each point's nodes"
         return self.nodes[0] if len(self.nodes) == 1 else f"{self.nodes[0]} to {self.nodes[-1]}"
 
     def pareto(self, error: str) -> str:
@@ -121,6 +126,12 @@ def tradeoff_of(configuration: Configuration, swept: Collection[str], graphs: It
     if problems:
         raise InputErrors(problems)
     return wanted
+
+
+def together(asked: Sequence[Tradeoff]) -> Tradeoff:
+    """What the page charts of points each of which says what is timed of it."""
+    nodes = tuple(dict.fromkeys(name for one in asked for name in one.nodes))
+    return replace(asked[0], nodes=nodes, alike=all(one.nodes == nodes for one in asked))
 
 
 def maps_of(configuration: Configuration, swept: Collection[str]) -> Maps | None:

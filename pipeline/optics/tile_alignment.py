@@ -78,10 +78,12 @@ def aligned(feature: Float32Array, reference: Float32Array, start: Float64Array)
 
 
 def likeness(feature: Float32Array, reference: Float32Array, homography: Float64Array) -> float:
-    """Normalised correlation of a tile with the reference where both are seen."""
+    """Normalised correlation of a tile with the reference where both are seen; NaN of what shows no edge."""
     tile = cut(feature, homography, (reference.shape[0], reference.shape[1]))
     seen = np.isfinite(tile)
-    return float(np.corrcoef(tile[seen], reference[seen])[0, 1]) if seen.mean() > 0.5 else np.nan
+    if seen.mean() <= 0.5 or not min(np.ptp(tile[seen]), np.ptp(reference[seen])) > 0:
+        return np.nan
+    return float(np.corrcoef(tile[seen], reference[seen])[0, 1])
 
 
 def shift_left(feature: Float32Array, reference: Float32Array, homography: Float64Array) -> float:

@@ -96,7 +96,7 @@ def _autocorrelation(feature: Float32Array) -> Float64Array:
     other = np.roll(one[::-1, ::-1], (1, 1), axis=(0, 1))
     norm = np.sqrt(np.maximum(one, 0) * np.maximum(other, 0))
     enough = overlap >= _LEAST_OVERLAP * feature.size
-    found = np.where(enough, product / np.maximum(norm, 1e-9 * float(norm.max())), 0)
+    found = np.where(enough, product / np.maximum(norm, 1e-9 * float(norm.max()) or 1.0), 0)
     return np.asarray(np.fft.fftshift(found), np.float64)
 
 

@@ -86,7 +86,14 @@ def test_exposures_are_taken_from_the_files_where_nothing_is_stated(tmp_path: Pa
         ("kind: flash\nphotos: [{file: a.png, light: 0}]", r"'0' is no number of a light"),
         ("kind: flash\nphotos: [{file: a.png, light: 2}]", r"have the lights \[2\][\s\S]*every number from 1 to 1"),
         ("kind: flash\nlights_mm: [[1, 2]]\nphotos: [{file: a.png, light: 1}]", r"capture.yaml:2[\s\S]*\[x, y, z\]"),
-        ("kind: flash\ncorners_px: [[1, 2]]\nphotos: [{file: a.png, light: 1}]", r"four \[column, row\]"),
+        (
+            "kind: flash\ncorners_px: [[1, 2]]\nphotos: [{file: a.png, light: 1}]",
+            r"corners_px is a list of 1[\s\S]*four \[column, row\]",
+        ),
+        ("kind: flash\ncamera_mm: 500\nphotos: [{file: a.png, light: 1}]", r"camera_mm is '500'"),
+        ("kind: flash\nlights_mm: [[1, 2, 3]]\nphotos: [{file: a.png, light: 2}]", r"1, as lights_mm has 1"),
+        ("kind: flash\ncamera_mm: [0, 0, -9]\nphotos: [{file: a.png, light: 1}]", r"yaml:2[\s\S]*z towards the camera"),
+        ("kind: flash\nlights_mm: [[1, 2, 0]]\nphotos: [{file: a.png, light: 1}]", r"is not above the sheet"),
         ("kind: flash\nsheet_mm: [0, 2]\nphotos: [{file: a.png, light: 1}]", r"\[width, height\] in mm, above 0"),
         ("kind: flash\nlight_mm: [1]\nphotos: [{file: a.png, light: 1}]", r"did you mean 'lights_mm'"),
     ],
@@ -130,6 +137,16 @@ def test_what_is_wrong_with_files_is_told(tmp_path: Path, photos: list[str], mes
 def test_brackets_have_to_be_alike(tmp_path: Path, photos: list[str], message: str) -> None:
     with pytest.raises(InputError, match=message):
         stated(tmp_path, *photos).check()
+
+
+def test_a_longer_exposure_has_to_be_brighter(tmp_path: Path) -> None:
+    """Files that were swapped, or 500 written for 1/500 s, make it darker."""
+    for name, level in (("bright", 90), ("dim", 30)):
+        write_image(tmp_path / f"{name}.png", np.full((8, 8, 3), level, np.uint8))
+    photos = "file: bright.png, light: 1, exposure_s: 0.016", "file: dim.png, light: 1, exposure_s: 0.002"
+    stated(tmp_path, *photos).check()
+    with pytest.raises(InputErrors, match=r"dim.png of 500 s is darker than bright.png of 60 s[\s\S]*in seconds"):
+        stated(tmp_path, photos[0].replace("0.016", "60"), photos[1].replace("0.002", "500")).check()
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:

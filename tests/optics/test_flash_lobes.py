@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pipeline.optics.flash.constancy import common_variation
+from pipeline.optics.flash.constancy import blocks_of, common_variation, error_of_common, verdict
 from pipeline.optics.flash.distribution import Bins, sharpened
 from pipeline.optics.flash.highlight import bright_spot
 from pipeline.optics.flash.lobes import (
@@ -49,6 +49,18 @@ def test_light_and_eye_in_one_place_see_twice_the_sine() -> None:
     assert (half.x, half.y, half.w) == pytest.approx((-2 * 0.8, 0.0, 2 * 0.6))
     # (1 + 1)^2 / (cos (2 cos)^2) over the square of half a metre.
     assert half.gain == pytest.approx(4 / (0.6 * 1.2**2) * 4)
+
+
+def test_gain_is_stam_s_geometry_for_a_light_and_an_eye_apart() -> None:
+    """The light's cosine cancels, the eye's does not."""
+    half = half_vectors(0.0, 0.0, np.array([0.0, 0.0, 200.0]), np.array([300.0, 0.0, 400.0]))
+    assert half.gain == pytest.approx((1 + 0.8) ** 2 / (0.8 * (1 + 0.8) ** 2) * 25)
+
+
+def test_a_pixel_spreads_a_lobe_as_an_even_box_does() -> None:
+    half = half_vectors(0.0, 0.0, np.array([0.0, 0.0, 250.0]), np.array([0.0, 0.0, 500.0]))
+    box = point_variance(half, coherence_um=1e9, wavelength_um=0.53, pixel_mm=3.0)
+    assert box == pytest.approx((3 * (1 / 250 + 1 / 500)) ** 2 / 12, rel=1e-6)
 
 
 def test_a_lobe_is_as_wide_as_the_light_is_seen_and_its_size_follows_from_it() -> None:
@@ -107,6 +119,55 @@ def test_what_two_measurements_share_is_told_from_their_errors() -> None:
     scatter, errors = measured(0.0)
     assert scatter < 0.005
     assert abs(errors) < 3
+
+
+def test_variation_that_is_not_there_lies_about_one_standard_error_from_none() -> None:
+    rng = np.random.default_rng(9)
+    blocks = np.repeat(np.arange(64), 20)
+    errors = [common_variation(*(1.5 * (1 + 0.02 * rng.standard_normal((2, 1280)))), blocks)[1] for _ in range(100)]
+    assert np.std(errors) == pytest.approx(1.0, abs=4 / np.sqrt(2 * 100))
+    assert np.mean(errors) == pytest.approx(0.0, abs=4 / np.sqrt(100))
+
+
+def test_a_few_pixels_that_two_measurements_mistake_alike_are_no_variation() -> None:
+    rng = np.random.default_rng(6)
+    blocks = np.repeat(np.arange(64), 50)
+    real = 1.5 * (1 + 0.02 * rng.standard_normal(64))[blocks]
+    real[rng.choice(real.size, 32, replace=False)] /= 2
+    scatter, errors = common_variation(*(real * (1 + 0.01 * rng.standard_normal((2, real.size)))), blocks)
+    assert scatter == pytest.approx(0.02, rel=0.3)
+    assert errors > 3
+
+
+@pytest.mark.parametrize(
+    ("percent", "error", "residual", "constant"),
+    [(0.0, 0.01, 0.1, True), (4.0, 0.01, 0.1, False), (0.7, 0.01, 0.1, True), (0.0, 0.01, 0.3, False)],
+)
+def test_one_period_will_do_unless_pixels_vary_or_it_explains_too_little(
+    percent: float, error: float, residual: float, constant: bool
+) -> None:
+    rng = np.random.default_rng(7)
+    real = 1.5 * (1 + percent / 100 * rng.standard_normal((32, 32)))
+    period = real * (1 + error * rng.standard_normal((3, 32, 32)))
+    judged = verdict(np.stack([period, error * period], axis=1), residual, 1.0)
+    assert judged.constant is constant
+    assert judged.percent == pytest.approx(percent, abs=0.3)
+
+
+def test_pixels_that_are_not_measured_twice_tell_no_variation() -> None:
+    period = 1.5 * np.ones((3, 2, 8, 8))
+    period[:, 1] = 0.01
+    period[2, 1, 1:] = 0.2
+    judged = verdict(period, 0.1, 1.0)
+    assert np.isnan(judged.percent)
+    assert "Whether periods vary is not told" in judged.words
+
+
+def test_the_error_of_one_period_is_that_of_a_mean_of_blocks() -> None:
+    blocks = np.random.default_rng(8).standard_normal(64)
+    period = 1.5 + 0.01 * blocks[blocks_of((32, 24))]
+    assert error_of_common(period) == pytest.approx(0.01 * np.std(blocks, ddof=1) / 8)
+    assert np.isnan(error_of_common(np.where(blocks_of((32, 24)) == 0, 1.5, np.nan)))
 
 
 def test_directions_count_as_seen_around_half_vectors_that_light_gratings() -> None:

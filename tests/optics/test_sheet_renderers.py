@@ -82,7 +82,7 @@ def looked_up(
     tabulated.shade_rows(
         rgb,
         (0, view.rows),
-        prepared_gratings(orientation, period),
+        prepared_gratings(orientation, period).astype(table.orders.dtype),
         view=view,
         light_mm=light,
         light_sigma_mm=sigma,
@@ -213,6 +213,14 @@ def test_what_is_looked_up_is_the_sum(seed, light, eye, sigma, depth, view, bump
     towards = towards_the_mirror(wide, np.array(light))
     brightest = max(exact.max(), summed(wide, towards, np.full_like(towards, 1.5), orders=orders, **flat).max())
     assert np.abs(found - exact).max() <= 0.01 * brightest
+
+
+def test_single_precision_is_the_double_to_its_rounding() -> None:
+    view = rectified(SIZE, SIZE, 6.0, EYE)
+    maps = towards_the_mirror(view, LIGHT), random_maps(3)[1]
+    single, double = (looked_up(view, *maps, precision=precision) for precision in ("single", "double"))
+    apart = np.abs(single - double).max() / double.max()
+    assert 1e-8 < apart < 2e-5
 
 
 def test_a_finer_tolerance_comes_nearer() -> None:

@@ -22,6 +22,7 @@ def photographed(
     tiles: tuple[int, int] = (1, 1),
     band_nm: tuple[float, float] | None = None,
     light_sigma_mm: float = 5.0,
+    depth_um: float = 0.12,
 ) -> FlashPhotographs:
     """Photographs of a sheet of (columns, rows) tiles, rectified."""
     lights = np.asarray(lights_mm, np.float64)
@@ -30,7 +31,7 @@ def photographed(
         camera_mm=EYE,
         light_sigma_mm=light_sigma_mm,
         illuminant="inverse A",
-        depth_um=0.12,
+        depth_um=depth_um,
         coherence_um=65.0,
         wavelength_step_nm=5.0,
         band_nm=band_nm,

@@ -60,7 +60,7 @@ def test_a_flash_that_was_elsewhere_than_stated_is_noticed(
 ) -> None:
     with caplog.at_level(logging.WARNING):
         found = highlight(replace(white, light_mm=white.light_mm + np.array([0.0, 20.0, 0.0])))
-    assert "the highlight of photograph 0 lies 14.3 mm from where" in caplog.text
+    assert "the highlight of flash 1 lies 14.3 mm from where" in caplog.text
     assert found.metrics["highlight_off_max_mm"] == pytest.approx(20 * 500 / 700, abs=0.3)
 
 
@@ -75,9 +75,9 @@ def test_a_highlight_outside_the_picture_or_too_bright_is_noticed(
         bright = highlight(replace(white, valid=valid))
     assert lost.outside[0]
     assert np.isnan(lost.place_mm[0]).all()
-    assert "photograph 0 shows no highlight" in caplog.text
+    assert "put it at (285.7, 0.0) mm, outside the sheet of 264 x 192 mm" in caplog.text
     assert bright.saturated.tolist() == [True, False, False]
-    assert "photograph 0 is too bright for every exposure" in caplog.text
+    assert "flash 1 is too bright for every exposure" in caplog.text
 
 
 def test_tangents_are_found_within_their_stated_error(measured: OrientationMap) -> None:
@@ -108,8 +108,17 @@ def test_without_places_they_follow_from_the_highlight_and_distances(
     assert np.rad2deg(np.median(turn)) < 0.3
     with pytest.raises(InputError, match="the camera's place is not known"):
         flash_orientation(blind, SPACED, highlight(blind), light_distance_mm=200.0)
-    with pytest.raises(InputError, match="the place of flash 0 is not known"):
+    with pytest.raises(InputError, match="the place of flash 1 is not known"):
         flash_orientation(blind, SPACED, highlight(blind), camera_distance_mm=500.0)
+
+
+def test_fewer_photographs_than_asked_for_are_told(
+    white: FlashPhotographs, measured: OrientationMap, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO, "pipeline"):
+        found = flash_orientation(white, SPACED, highlight(white), photographs=5)
+    assert "there are 3 photographs, not 5" in caplog.text
+    assert np.array_equal(found.orientation_rad, measured.orientation_rad, equal_nan=True)
 
 
 def test_what_was_never_lit_stays_unknown_until_the_next_flash_shows_it(caplog: pytest.LogCaptureFixture) -> None:
@@ -125,7 +134,7 @@ def test_what_was_never_lit_stays_unknown_until_the_next_flash_shows_it(caplog: 
         first = orientation([[0.0, 0.0, 200.0]])
     assert np.isnan(first.orientation_rad[~first.mask]).all()
     assert 5 < first.metrics["lit_percent"] < 95
-    assert "percent of the tile were never lit. A flash at (" in caplog.text
+    assert "percent of the tile are not lit in the first photograph. A flash at (" in caplog.text
     proposed = [first.metrics[f"next_light_{axis}_mm"] for axis in "xyz"]
     both = orientation([[0.0, 0.0, 200.0], proposed])
     beside = orientation([[0.0, 0.0, 200.0], [1.0, 0.0, 200.0]])
@@ -188,6 +197,71 @@ def test_the_published_bias_of_a_large_light_goes_with_the_model(measured: Orien
     assert model["period_um"] == pytest.approx(PERIOD, rel=0.02)
     assert model["period_mean_um"] == pytest.approx(PERIOD, rel=0.02)
     assert model["period_std_um"] < 0.05
+
+
+@pytest.mark.parametrize("percent", [0.0, 3.0])
+def test_a_few_percent_of_variation_are_measured(percent: float) -> None:
+    """Each tile of smoothly turning tangents has as many pixels at either of two periods."""
+    turning = np.broadcast_to(np.deg2rad(5.0 * np.arange(SIDE) + 5), (SIDE, SIDE)).astype(np.float32)
+    either = np.random.default_rng(2).permuted(np.repeat([-1.0, 1.0], SIDE * SIDE // 8)).reshape(SIDE // 2, SIDE // 2)
+    truth = PERIOD * (1 + percent / 100 * either.repeat(2, axis=0).repeat(2, axis=1))
+    photos = photographed(turning, truth, LIGHTS, pixel_mm=PIXEL, tiles=TILES, band_nm=GREEN)
+    found = flash_period(photos, SPACED, highlight(photos), known(turning))
+    assert found.metrics["period_variation_percent"] == pytest.approx(percent, abs=0.3)
+    assert found.metrics["period_constant"] == (percent == 0)
+    each = flash_period(photos, SPACED, highlight(photos), known(turning), kind="varying")
+    assert each.standard_error_um is not None
+    assert each.mask.mean() > 0.8
+    assert np.std((each.period_um - truth)[each.mask] / each.standard_error_um[each.mask]) < 1.5
+
+
+def known(tangents: np.ndarray) -> OrientationMap:
+    return OrientationMap(
+        tangents, np.ones_like(tangents), np.ones_like(tangents), np.ones(tangents.shape, bool), PIXEL
+    )
+
+
+def test_pixels_whose_period_is_ambiguous_do_not_state_it(caplog: pytest.LogCaptureFixture) -> None:
+    """A small flash over few tiles lights most pixels once or never: other periods fit as well."""
+    photos = sheet(band_nm=GREEN, light_sigma_mm=2.0)
+    with caplog.at_level(logging.WARNING):
+        one = flash_period(photos, SPACED, highlight(photos), known(TANGENTS))
+    assert one.metrics["period_um"] == pytest.approx(PERIOD, rel=0.005)
+    assert "Whether periods vary is not told: fewer than 50 pixels" in caplog.text
+    each = flash_period(photos, SPACED, highlight(photos), known(TANGENTS), kind="varying")
+    assert each.standard_error_um is not None
+    away = np.abs(np.log(each.period_um / PERIOD))[each.mask]
+    assert np.mean(away < 3 * (each.standard_error_um / each.period_um)[each.mask]) > 0.9
+    assert 0.05 < each.mask.mean() < 0.5
+
+
+def test_gratings_so_deep_that_second_orders_outshine_first_ones_are_warned_of(
+    measured: OrientationMap, caplog: pytest.LogCaptureFixture
+) -> None:
+    photos = sheet(band_nm=GREEN, depth_um=0.3)
+    with caplog.at_level(logging.WARNING):
+        flash_period(photos, SPACED, highlight(photos), measured)
+    assert "periods are doubtful, and half of what they are" in caplog.text
+
+
+def test_what_does_not_belong_together_is_refused(
+    white: FlashPhotographs, green: FlashPhotographs, measured: OrientationMap
+) -> None:
+    seen = highlight(white)
+    one = replace(seen, place_mm=seen.place_mm[:1], stated_mm=seen.stated_mm[:1])
+    with pytest.raises(InputError, match="1 highlights are not of 3 photographs"):
+        flash_orientation(white, SPACED, one)
+    with pytest.raises(InputError, match="not rectified"):
+        flash_orientation(replace(white, pixel_mm=None), SPACED, seen)
+    with pytest.raises(InputError, match=r"flash 1 at \[-50.0, 30.0, 0.0\] mm is not above the sheet"):
+        flash_orientation(replace(white, light_mm=white.light_mm * [[1, 1, 1], [1, 1, 0], [1, 1, 1]]), SPACED, seen)
+    with pytest.raises(InputError, match=r"the camera at .* is not above the sheet"):
+        flash_period(replace(green, camera_mm=-green.camera_mm), SPACED, seen, measured)
+    with pytest.raises(InputError, match=r"shortest_um 1\.6 is not 1.1 times below longest_um 1.61"):
+        flash_period(green, SPACED, seen, measured, shortest_um=1.6, longest_um=1.61)
+    unlit = replace(measured, mask=np.zeros_like(measured.mask))
+    with pytest.raises(InputError, match="no orientation of the tile is known"):
+        flash_period(green, SPACED, seen, unlit, method="naive")
 
 
 def test_periods_need_one_wavelength(

@@ -137,3 +137,15 @@ def test_a_single_exposure_has_no_curve_to_be_found(taken: FlashBrackets, caplog
     with caplog.at_level(logging.WARNING, "pipeline"):
         assert radiance(single).response is None
     assert "its levels are taken for sRGB" in caplog.text
+
+
+def test_brackets_without_a_response_are_refused(taken: FlashBrackets) -> None:
+    """As where 500 was written for 1/500 s, so that longer exposures seem darker."""
+    with pytest.raises(InputError, match="the brackets tell no response curve"):
+        radiance(replace(taken, exposure_s=1 / taken.exposure_s))
+
+
+def test_corners_outside_the_photographs_are_refused(taken: FlashBrackets) -> None:
+    """As of rows written before columns."""
+    with pytest.raises(InputError, match=r"lies outside the photographs[\s\S]*\[column, row\], up to \[479, 399\]"):
+        rectified(radiance(replace(taken, corners_px=np.array([[10, 10], [10, 450], [390, 450], [390, 10]]))))

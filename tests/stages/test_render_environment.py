@@ -14,6 +14,7 @@ from pipeline.bench import Experiment
 from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.data.height_fields import HeightField
 from pipeline.data.light_probes import LightProbe
+from pipeline.devices import virtual_environment
 from pipeline.errors import InputError, InputErrors
 from pipeline.graph.config import options
 from pipeline.optics.environment.probe import texel_directions
@@ -83,6 +84,78 @@ def test_a_sheet_without_depth_is_a_mirror_to_every_evaluator(evaluator: str) ->
     probe = draw(scene="room", rows=24, lamp_deg=20.0)
     exact, found = (environment(*maps(), probe, depth_um=0.0, evaluator=one).rgb for one in ("reference", evaluator))
     np.testing.assert_allclose(found, exact, rtol=1e-3)
+
+
+def test_the_mean_of_many_points_of_white_is_white() -> None:
+    white = draw(scene="uniform", rows=8)
+    rgb = environment(*maps(), white, depth_um=0.0, samples=3, size_px=[10, 10]).rgb
+    np.testing.assert_allclose(rgb, 1, rtol=1e-3)
+
+
+def test_low_rank_knows_where_in_a_pixel_its_points_lie() -> None:
+    """Gratings at the upper right of each pixel alone, in light that changes towards there."""
+    x, y = texel_directions(48, 96)[..., 0], texel_directions(48, 96)[..., 1]
+    probe = LightProbe(np.repeat((1 + 0.9 * np.sin(3 * (x + y)))[..., None], 3, axis=-1).astype(np.float32))
+    period = np.full((48, 48), np.nan, np.float32)
+    period[::4, 3::4] = 5.0
+    sheet = OrientationMap.of_angles(np.zeros((48, 48), np.float32), pixel_mm=10.0, absolute=True)
+    found, exact = (
+        environment(
+            *(sheet, PeriodMap(period, np.isfinite(period), 10.0), probe),
+            **{"evaluator": one, "samples": 4, "size_px": [12, 12], "tolerance": 0.05, "depth_um": 0.2},
+        ).rgb
+        for one in ("low_rank", "reference")
+    )
+    assert np.abs(found - exact).max() < 0.05 * exact.max()
+
+
+def test_auto_leaves_low_rank_where_nodes_miss_a_small_lamp(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(virtual_environment, "_APART_TEXELS", 60.0)
+    caplog.set_level(logging.INFO)
+    settings = {"size_px": [160, 160], "samples": 1, "tolerance": 0.04}
+    found, low_rank, exact = (
+        environment(*maps(), spot(0), evaluator=one, **settings).rgb for one in ("auto", "low_rank", "reference")
+    )
+    missed, kept = (np.percentile(np.abs(one - exact), 99.9) / exact.max() for one in (low_rank, found))
+    assert kept < 0.04 < missed
+    assert "Evaluator low_rank" in caplog.text
+    assert "values would differ" in caplog.text
+    assert "evaluator=ordered is nearer, tolerance=" in caplog.text
+
+
+def test_a_tolerance_bounds_the_light_that_is_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    """Under a sun so bright that all of the sky is less than the tolerance everywhere."""
+    caplog.set_level(logging.INFO)
+    probe = draw(scene="outdoors", rows=64, lamp_deg=4.0)
+    exact, found = (
+        environment(*maps(), probe, tilt_deg=20.0, evaluator=one, tolerance=0.1).rgb for one in ("reference", "ordered")
+    )
+    assert 0.88 < found.sum() / exact.sum() < 1.01
+    assert "percent of the light, differ" in caplog.text
+
+
+def test_a_pixel_is_the_mean_of_as_many_points_as_it_needs(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    probe = draw(scene="room", rows=24, lamp_deg=20.0)
+    even = OrientationMap.of_angles(np.full((40, 40), 0.3, np.float32), pixel_mm=4.0, absolute=True)
+    environment(even, maps()[1], probe, size_px=[8, 8])
+    assert "mean of 1 x 1 points" in caplog.text
+    caplog.clear()
+    found = environment(*maps(), probe, size_px=[8, 8]).rgb
+    assert "mean of 1 x 1 points" not in caplog.text
+    assert "a side change what is shown by" in caplog.text
+    exact = environment(*maps(), probe, size_px=[8, 8], samples=16, evaluator="reference").rgb
+    assert np.sqrt(np.mean((found - exact) ** 2)) < 0.02 * exact.max()
+
+
+def test_what_does_not_keep_the_tolerance_says_what_would(caplog: pytest.LogCaptureFixture) -> None:
+    environment(*maps(), draw(scene="room", rows=32), evaluator="ordered", wavelength_step_nm=40.0, tolerance=0.003)
+    assert "wavelength_step_nm=5 is finer, tolerance=0." in caplog.text
+    caplog.clear()
+    environment(*maps(), draw(scene="room", rows=32), evaluator="ordered", tolerance=0.0001)
+    assert "evaluator=reference sums all, tolerance=0.0" in caplog.text
 
 
 def test_look_ups_are_chosen_where_a_fine_pattern_is_and_not_between() -> None:

@@ -144,3 +144,9 @@ def test_a_photograph_that_is_not_there_and_a_dark_one_are_refused(green: FlashP
     dark = replace(green, radiance=np.zeros_like(green.radiance))
     with pytest.raises(InputError, match="nothing outside the highlight is bright"):
         orientation_period_distribution(dark, highlight(green), method="naive")
+    unseen = replace(green, valid=np.zeros_like(green.valid))
+    for method in ("naive", "modelled"):
+        with pytest.raises(InputError, match="nothing outside the highlight is bright"):
+            orientation_period_distribution(unseen, highlight(green), method=method)
+    with pytest.raises(InputError, match="not rectified"):
+        orientation_period_distribution(replace(green, pixel_mm=None), highlight(green))

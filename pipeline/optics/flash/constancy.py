@@ -15,8 +15,13 @@ SURE = 0.05
 _BLOCKS = 8
 """Along a side of the tile, for the jackknife."""
 _SIGNIFICANT = 3.0
-_EXPLAINED = 0.25
+EXPLAINED = 0.25
 """Residual, relative to brightness, above which one period does not explain the views."""
+_FAR, _LIMIT = 0.1, 6.0
+"""From the median: what counts no more the further it is, and the same in medians of that distance, if these are more.
+
+A few pixels whose second order is taken for the first would outweigh all others.
+"""
 _FEWEST = 50
 """Pixels measured twice, below which nothing is tested."""
 
@@ -42,17 +47,22 @@ def verdict(found: Array, residual: float, tolerance_percent: float) -> Verdict:
     tolerance_percent : float
         Variation that does not matter.
     """
-    (first, second), (error, other) = found[1:, 0], found[1:, 1]
-    twice = (error < SURE * first) & (other < SURE * second)
+    _, first, second = found[:, 0]
+    twice = (found[:, 1] < SURE * found[:, 0]).all(axis=0)
     percent, errors = float("nan"), 0.0
     if np.count_nonzero(twice) >= _FEWEST:
         scatter, errors = common_variation(first[twice], second[twice], blocks_of(first.shape)[twice])
         percent = 100 * scatter
     varies = percent >= tolerance_percent and errors >= _SIGNIFICANT
-    constant = not varies and residual < _EXPLAINED
+    constant = not varies and residual < EXPLAINED
+    told = (
+        f"Periods vary by {percent:.2g} percent ({errors:.1f} standard errors above none)"
+        if np.isfinite(percent)
+        else f"Whether periods vary is not told: fewer than {_FEWEST} pixels show theirs in either half of the views"
+    )
     words = (
-        f"Periods vary by {percent:.2g} percent ({errors:.1f} standard errors above none), and one period leaves "
-        f"{100 * residual:.2g} percent of the brightness unexplained: {'one number will do' if constant else 'a map'}."
+        f"{told}, and one period leaves {100 * residual:.2g} percent of the brightness unexplained: "
+        f"{'one number will do' if constant else 'a map'}."
     )
     return Verdict(constant, percent, words)
 
@@ -68,7 +78,7 @@ def error_of_common(period: Array) -> float:
     blocks = blocks_of(period.shape)
     known = [period[(blocks == one) & np.isfinite(period)] for one in range(_BLOCKS**2)]
     medians = [np.median(values) for values in known if values.size]
-    return float(np.std(medians) / np.sqrt(len(medians))) if medians else float("nan")
+    return float(np.std(medians, ddof=1) / np.sqrt(len(medians))) if len(medians) > 1 else float("nan")
 
 
 def common_variation(first: Float64Array, second: Float64Array, blocks: NDArray[np.int64]) -> tuple[float, float]:
@@ -84,8 +94,9 @@ def common_variation(first: Float64Array, second: Float64Array, blocks: NDArray[
     blocks : ndarray of shape (P,)
         Which block each pixel belongs to.
     """
-    left = np.clip(np.log(first / np.median(first)), -1, 1)
-    right = np.clip(np.log(second / np.median(second)), -1, 1)
+    left, right = (np.log(period / np.median(period)) for period in (first, second))
+    most = max(_FAR, _LIMIT * float(np.median(np.abs(np.concatenate([left, right])))))
+    left, right = np.clip(left, -most, most), np.clip(right, -most, most)
     product = (left - left.mean()) * (right - right.mean())
     _, index = np.unique(blocks, return_inverse=True)
     sums, counts = np.bincount(index, product), np.bincount(index)

@@ -18,6 +18,8 @@ ACROSS = 4.0
 _MODEL_ERROR = 0.1
 """Of a lobe's height: what its shape may be wrong by."""
 _FAR = 16.0
+_NEAR = 1.2
+"""Times the period by all views, up to which half of them, which may not tell orders apart, are looked at."""
 _CONVINCING = 0.7
 """Squared correlation below which views show no order: what the paper scatters, or noise."""
 
@@ -142,11 +144,16 @@ def best_periods(
                 cross[0], norm[0] = cross[1] + cross[2], norm[1] + norm[2]
                 for part in range(3):
                     scores[part, k] = cross[part] ** 2 / (norm[part] * square[part]) if norm[part] > 0 else 0.0
+            begin, end = 0, steps
             for part in range(3):
                 if counts[part] < 2 or square[part] == 0:
+                    if part == 0:
+                        break
                     continue
-                best = np.argmax(scores[part])
-                if best == 0 or best == steps - 1 or scores[part, best] < _CONVINCING:
+                best = begin + int(np.argmax(scores[part, begin:end]))
+                if best == begin or best == end - 1 or scores[part, best] < _CONVINCING:
+                    if part == 0:
+                        break
                     continue
                 left, middle, right = scores[part, best - 1], scores[part, best], scores[part, best + 1]
                 bend = 2 * middle - left - right
@@ -155,5 +162,15 @@ def best_periods(
                 value = periods[best] * np.exp(0.5 * (right - left) / bend * spacing)
                 # Errors go with brightness, so that no more views count than are bright.
                 noise = (1 - middle + _MODEL_ERROR**2) * fourth[part] / square[part] ** 2
+                # Other periods that fit nearly as well, as where a second order may be a first one, count too.
+                likely = away_square = 0.0
+                for k in range(begin, end):
+                    weight = np.exp((scores[part, k] - middle) / (2 * noise))
+                    likely += weight
+                    away_square += weight * (k - best) ** 2
                 found[part, 0, row, column] = value
-                found[part, 1, row, column] = value * spacing * np.sqrt(2 * noise / bend)
+                found[part, 1, row, column] = value * spacing * np.sqrt(max(2 * noise / bend, away_square / likely))
+                if part == 0:
+                    reach = int(np.log(_NEAR) / spacing)
+                    begin = max(best - reach, 0)
+                    end = min(best + reach + 1, steps)

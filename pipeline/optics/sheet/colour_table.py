@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from pipeline.optics.colour import FIRST_NM, LAST_NM, Spectrum, white_balanced_w
 from pipeline.optics.gratings import Form, efficiencies, highest_order, window_spread
 from pipeline.optics.sheet.extent import Extent
 
-Float32Array = NDArray[np.float32]
+Precision = Literal["single", "double"]
 Float64Array = NDArray[np.float64]
 
 REACH = 4.0
@@ -54,9 +55,9 @@ class ColourTable:
 
     Attributes
     ----------
-    orders : ndarray of shape (M, W, S, P, 4), float32
+    orders : ndarray of shape (M, W, S, P, 4), of the type in which pixels are worked out
         Linear sRGB and a zero, of orders 1 to M, over ``w``, the root of ``s`` and ``lambda_m``.
-    zeroth : ndarray of shape (W, E, R, 4), float32
+    zeroth : ndarray of shape (W, E, R, 4), of the same type
         Of order 0 over ``w``, the standard deviation that light and pixel add to the lobe, and the distance from the
         middle in standard deviations at 550 nm.
     w, root_width, wavelength_um, added, distance : Axis
@@ -67,8 +68,8 @@ class ColourTable:
         At normal incidence, for Schlick's reflectance relative to it; 1 for a mirror.
     """
 
-    orders: Float32Array
-    zeroth: Float32Array
+    orders: NDArray[np.floating]
+    zeroth: NDArray[np.floating]
     w: Axis
     root_width: Axis
     wavelength_um: Axis
@@ -92,6 +93,7 @@ def colour_table(
     orders: Form = "exact",
     tolerance: float = 0.01,
     normal_reflectance: float = 1.0,
+    precision: Precision = "single",
 ) -> ColourTable:
     """Tabulate colours as finely as a tolerance needs, for what occurs in some pictures.
 
@@ -111,6 +113,8 @@ def colour_table(
         Error of a colour, relative to the brightest of its order, that interpolation may make.
     normal_reflectance : float
         See :class:`ColourTable`.
+    precision : {"single", "double"}
+        Of the table, and of what is looked up in it.
 
     Raises
     ------
@@ -143,11 +147,12 @@ def colour_table(
         return sampled_nm / 1000, weights * (MIDDLE_UM * per_um) ** 2, shares
 
     sampled, colour, shares = spectrum(_STEPS_NM[0], highest)
-    zeroth = _zeroth(shares[0], colour, sampled, per_um, added, distance)
+    real: type[np.floating] = np.float32 if precision == "single" else np.float64
+    zeroth = _zeroth(shares[0], colour, sampled, per_um, added, distance).astype(real)
     brightest = shares.max(axis=(1, 2))
     seen = np.flatnonzero(brightest[1:] > _NEGLIGIBLE * tolerance * brightest[1:].max())
     count = int(seen[-1]) + 1 if seen.size else 1
-    table = np.zeros((count, w.count, root_width.count, wavelength.count, 4), np.float32)
+    table = np.zeros((count, w.count, root_width.count, wavelength.count, 4), real)
     for j, width in enumerate(root_width.nodes**2):
         for m in range(1, count + 1):
             sampled, colour, shares = spectrum(_step_nm(1000 * width / m), count)
@@ -173,8 +178,8 @@ def _step_nm(width_nm: float) -> float:
 
 def _zeroth(
     share: Float64Array, colour: Float64Array, sampled: Float64Array, per_um: float, added: Axis, distance: Axis
-) -> Float32Array:
-    table = np.zeros((len(share), added.count, distance.count, 4), np.float32)
+) -> Float64Array:
+    table = np.zeros((len(share), added.count, distance.count, 4))
     for j, more in enumerate(added.nodes):
         relative = ((per_um * MIDDLE_UM) ** 2 + more**2) / ((per_um * sampled) ** 2 + more**2)
         lobe = relative * np.exp(-0.5 * distance.nodes[:, None] ** 2 * relative)

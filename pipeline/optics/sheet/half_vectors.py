@@ -1,4 +1,4 @@
-"""Half vectors of a run of neighbouring pixels, in single precision and in loops that compilers turn into vectors."""
+"""Half vectors of a run of neighbouring pixels, in the precision that is given and in loops that become vectors."""
 
 from __future__ import annotations
 

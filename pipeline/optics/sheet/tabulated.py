@@ -27,7 +27,7 @@ _inlined = njit(inline="always")
 def shade_rows(
     rgb: Float32Array,
     span: tuple[int, int],
-    gratings: Float32Array,
+    gratings: NDArray[np.floating],
     *,
     view: View,
     light_mm: Float64Array,
@@ -40,47 +40,48 @@ def shade_rows(
 
     Parameters
     ----------
-    gratings : ndarray of shape (3, M, N), float32
+    gratings : ndarray of shape (3, M, N), of the table's type
         What each pixel shows: cosine and sine of the orientation and the period, all 0 or NaN where there is none.
     table : ColourTable
-        For what occurs in this picture.
+        For what occurs in this picture; its type is that in which pixels are worked out.
     rgb, span, view, light_mm, light_sigma_mm, slopes, pixel_part
         As of :func:`pipeline.optics.sheet.spectral.shade_rows`.
     """
+    real = table.orders.dtype.type
     _shade(
         rgb,
         span[0],
         span[1],
         gratings,
-        np.zeros((2, 1, 1), np.float32) if slopes is None else slopes,
+        np.zeros((2, 1, 1), real) if slopes is None else slopes.astype(real, copy=False),
         slopes is None,
-        tuple(view.homography.astype(np.float32).ravel()),
-        tuple(view.eye_mm.astype(np.float32)),
-        tuple(light_mm.astype(np.float32)),
-        _f(light_sigma_mm),
-        _f(pixel_part),
-        _f(1 / table.normal_reflectance - 1),
+        tuple(view.homography.astype(real).ravel()),
+        tuple(view.eye_mm.astype(real)),
+        tuple(light_mm.astype(real)),
+        real(light_sigma_mm),
+        real(pixel_part),
+        real(1 / table.normal_reflectance - 1),
         table.orders.ravel(),
         _steps(table.orders),
         table.zeroth.ravel(),
         _steps(table.zeroth),
-        _line(table.w),
-        _line(table.root_width),
-        _line(table.wavelength_um),
-        _line(table.added),
-        _line(table.distance),
-        _f(table.spread_per_um),
+        _line(table.w, real),
+        _line(table.root_width, real),
+        _line(table.wavelength_um, real),
+        _line(table.added, real),
+        _line(table.distance, real),
+        real(table.spread_per_um),
     )
 
 
-def _steps(table: Float32Array) -> tuple[np.int32, ...]:
+def _steps(table: NDArray[np.floating]) -> tuple[np.int32, ...]:
     """Numbers from node to node along each axis."""
     return tuple(_i(stride // table.itemsize) for stride in table.strides)
 
 
-def _line(axis: Axis) -> tuple[np.float32, ...]:
+def _line(axis: Axis, real: type[np.floating]) -> tuple[np.floating, ...]:
     """First node, nodes in a unit, the last place from which another node follows, and the last node."""
-    return _f(axis.low), _f(axis.per_unit), _f(axis.count - 1.001), _f(axis.high)
+    return real(axis.low), real(axis.per_unit), real(axis.count - 1.001), real(axis.high)
 
 
 @_fast
@@ -108,10 +109,10 @@ def _shade(
     distance_axis: Any,
     per_um: Any,
 ) -> None:
-    run, lit_run = np.empty((_ALL, _RUN), np.float32), np.empty((_ALL, _RUN), np.float32)
+    run, lit_run = np.empty((_ALL, _RUN), gratings.dtype), np.empty((_ALL, _RUN), gratings.dtype)
     lit, which = np.empty(_RUN, np.bool_), np.empty(_RUN, np.int32)
     cell, cell_w = np.empty(_RUN, np.int32), np.empty(_RUN, np.int32)
-    colour = np.empty((3, _RUN), np.float32)
+    colour = np.empty((3, _RUN), gratings.dtype)
     widest = (per_um * _f(LAST_NM / 1000)) ** 2
     violet, red = wavelength_axis[0], wavelength_axis[3]
     for row in range(first, last):

@@ -45,7 +45,7 @@ def radiance(
     Raises
     ------
     InputError
-        A response curve is asked for of a single exposure, or of photographs of 16 bits.
+        A response curve is asked for of a single exposure, or of photographs of 16 bits; or none is told.
 
     Notes
     -----
@@ -64,6 +64,12 @@ def radiance(
     if method == "auto" and not by_curve and not brackets.linear:
         _log.warning("a single exposure does not tell the camera's response curve: its levels are taken for sRGB")
     curve = response_curve(images, times, smoothness) if by_curve else None
+    if curve is not None and not (curve[-1] > curve[0]).all():
+        raise InputError(
+            "the brackets tell no response curve of the camera",
+            where="method",
+            expected="photographs that are brighter the longer the exposure, or method: weighted",
+        )
     pictures = np.stack([_merged(bracket, times, curve, brackets.linear) for bracket in images])
     pictures *= np.float32(times.min() / (1.0 if curve is None else full_scale(curve)))
     valid = np.stack([unsaturated(bracket, times) for bracket in images])

@@ -23,6 +23,7 @@ Float64Array = NDArray[np.float64]
 _LARGEST_SIDE = 16_384
 _ODD_ASPECT = 0.2
 _CROOKED_PX = 0.5
+_OUTSIDE_PX = 2.0
 _log = logging.getLogger(__name__)
 _tolerance_rectified = {"radiance": 1e-3, "room": 1e-3, "corners_px": 1e-2}
 
@@ -84,7 +85,11 @@ def rectified(
     )
     size = (sheet_mm[0], sheet_mm[1]) if sheet_mm is not None else photos.sheet_mm
     if size is None:
-        raise InputError("the size of the sheet is not known", where="sheet_mm", expected="[width, height] in mm")
+        raise InputError(
+            "the size of the sheet is not known",
+            where="sheet_mm",
+            expected="[width, height] in mm, here or in capture.yaml",
+        )
     told = photos.corners_px if corners_px is None else corners_px
     given = None if told is None else ordered(np.asarray(told, np.float64))
     metrics: dict[str, float] = {}
@@ -99,6 +104,7 @@ def rectified(
     else:
         seen = given
     _refuse_folded(seen)
+    _refuse_outside(seen, photos.valid.shape[1:])
     to_photo = _homography(seen, size)
     pitch = pixel_mm or float(np.sqrt(size[0] * size[1] / cv2.contourArea(seen.astype(np.float32))))
     rows, columns = round(size[1] / pitch), round(size[0] / pitch)
@@ -210,12 +216,23 @@ def _refuse_folded(seen: Float64Array) -> None:
         )
 
 
+def _refuse_outside(seen: Float64Array, shape: tuple[int, ...]) -> None:
+    last = np.array(shape[::-1]) - 1
+    for corner in seen[((seen < -_OUTSIDE_PX) | (seen > last + _OUTSIDE_PX)).any(axis=1)]:
+        raise InputError(
+            f"the corner {np.round(corner, 1).tolist()} lies outside the photographs",
+            where="corners_px",
+            expected=f"[column, row], up to {last.tolist()}",
+        )
+
+
 def _warn_of_aspect(seen: Float64Array, sheet_mm: tuple[float, float]) -> None:
     sides = np.linalg.norm(np.roll(seen, -1, axis=0) - seen, axis=1)
     aspect = (sides[0] + sides[2]) / (sides[1] + sides[3])
     if abs(np.log(aspect * sheet_mm[1] / sheet_mm[0])) > _ODD_ASPECT:
         _log.warning(
-            "corners are %.3g times as far apart across as down, the sheet's sides %.3g: is sheet_mm [width, height]?",
+            "corners are %.3g times as far apart across as down, the sheet's sides %.3g: is sheet_mm [width, height], "
+            "and are the photographs upright?",
             aspect,
             sheet_mm[0] / sheet_mm[1],
         )

@@ -151,7 +151,7 @@ def _steps(
         raise InputError(
             "without a photograph under room light tiles are not found",
             where="tile_mm",
-            expected="[width, height] in mm",
+            expected="[width, height] in mm, or room in capture.yaml",
         )
     else:
         try:

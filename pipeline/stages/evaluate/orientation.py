@@ -15,7 +15,7 @@ _tolerance_orientation = {"error_rad": 1e-4, "offset_rad": 1e-4, "metrics": 1e-3
 
 
 def orientation(estimate: OrientationMap, truth: GratingSample, *, keep_offset: bool = False) -> OrientationError:
-    """Compare an orientation map with the truth, one global offset removed.
+    """Compare an orientation map with the truth, one global offset removed unless it is to be kept.
 
     The sample is known on a finer grid than the camera's; the truth of a camera pixel is that at its centre. The offset
     is the axial median of the differences over all pixels where both are known: the turn that makes the mean absolute

@@ -136,13 +136,24 @@ def bench(
     Raises
     ------
     InputError
-        A distance is not known, or a photograph's highlight neither seen nor stated.
+        The photographs are not rectified, the highlights are of others, a distance is not known, a light or the camera
+        not above the sheet, or a photograph's highlight neither seen nor stated.
     """
+    if photos.pixel_mm is None:
+        raise InputError("the photographs are not rectified", expected="align.rectified")
+    if len(highlights.place_mm) != len(photos.radiance):
+        raise InputError(
+            f"{len(highlights.place_mm)} highlights are not of {len(photos.radiance)} photographs",
+            where="highlights",
+            expected="those of the same photographs",
+        )
     eye = np.array(photos.camera_mm, np.float64)
     if not np.isfinite(eye).all():
         if camera_distance_mm is None:
             raise InputError(
-                "the camera's place is not known", where="camera_distance_mm", expected="its distance from the sheet"
+                "the camera's place is not known",
+                where="camera_distance_mm",
+                expected="its distance from the sheet, or camera_mm in capture.yaml",
             )
         eye = np.array([0.0, 0.0, camera_distance_mm])
     lights = np.array(photos.light_mm, np.float64)
@@ -153,20 +164,25 @@ def bench(
         height = light[2] if np.isfinite(light[2]) else light_distance_mm
         if height is None:
             raise InputError(
-                f"the place of flash {index} is not known",
+                f"the place of flash {index + 1} is not known",
                 where="light_distance_mm",
-                expected="its distance from the sheet",
+                expected="its distance from the sheet, or lights_mm in capture.yaml",
             )
         if not np.isfinite(seen[index]).all():
             raise InputError(
-                f"neither the highlight of photograph {index} nor its flash's place is known",
+                f"neither the highlight of flash {index + 1} nor its place is known",
                 expected="a photograph that shows the highlight",
             )
         lights[index] = light_above(seen[index], height, eye)
+    below = np.flatnonzero(np.append(lights[:, 2], eye[2]) <= 0)
+    if below.size:
+        place = [*lights, eye][below[0]].tolist()
+        who = f"flash {below[0]}" if below[0] < len(lights) else "the camera"
+        raise InputError(f"{who} at {place} mm is not above the sheet", expected="[x, y, z], z towards the camera")
     sigma = light_sigma_mm or photos.light_sigma_mm or highlights.light_sigma_mm or 0.0
     wavelength = (photos.wavelength_nm or 1000 * WHITE_UM) / 1000
     partial = Bench(lights, eye, seen, np.zeros(len(lights)), sigma, coherence_um, wavelength)
-    radii = [keep_off * _highlight(partial, index, photos.pixel_mm or 0.0)[1] for index in range(len(lights))]
+    radii = [keep_off * _highlight(partial, index, photos.pixel_mm)[1] for index in range(len(lights))]
     return replace(partial, keep_off_mm=np.array(radii))
 
 
@@ -229,9 +245,10 @@ def _highlight(placed: Bench, index: int, pixel_mm: float) -> tuple[float, float
     return spread, spread / float(1 / half.light_mm + 1 / half.eye_mm)
 
 
-def unordered(shortest_um: float, longest_um: float) -> list[InputError]:
-    """What is wrong with periods to look between."""
-    if shortest_um < longest_um:
+def unordered(shortest_um: float, longest_um: float, *, least_ratio: float = 1.0) -> list[InputError]:
+    """What is wrong with periods to look between, the longest more than ``least_ratio`` times the shortest."""
+    if least_ratio * shortest_um < longest_um:
         return []
-    what = f"shortest_um {shortest_um:g} is not below longest_um {longest_um:g}"
-    return [InputError(what, where="shortest_um, longest_um", expected="the shortest below the longest")]
+    apart = "" if least_ratio == 1 else f" {least_ratio:g} times"
+    what = f"shortest_um {shortest_um:g} is not{apart} below longest_um {longest_um:g}"
+    return [InputError(what, where="shortest_um, longest_um", expected=f"the shortest{apart} below the longest")]

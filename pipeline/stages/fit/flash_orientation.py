@@ -92,7 +92,7 @@ def flash_orientation(
     method : {"lobe", "threshold"}
         The paper's threshold, or the fit of lobes that starts from it.
     photographs : int, optional
-        How many of the photographs are read, the first ones; by default all.
+        How many of the photographs are read, the first ones; all by default, and where there are fewer.
     steps : int
         In which the threshold is lowered through two decades.
     floor : float, optional
@@ -136,6 +136,8 @@ def flash_orientation(
         coherence_um=coherence_um,
     )
     if photographs is not None:
+        if photographs > len(photos.radiance):
+            _log.info("there are %d photographs, not %d: all are read", len(photos.radiance), photographs)
         photos = replace(
             photos,
             radiance=photos.radiance[:photographs],
@@ -191,9 +193,9 @@ def flash_orientation(
                 "next_light_shows_percent": share,
             }
             _log.warning(
-                "%.1f percent of the tile were never lit. A flash at (%.0f, %.0f, %.0f) mm would show %.0f percent of "
-                "the directions that they may have.",
-                *(100 - metrics["lit_percent"], x, y, z, share),
+                "%.1f percent of the tile are not lit in %s. A flash at (%.0f, %.0f, %.0f) mm would show %.0f percent "
+                "of the directions that they may have.",
+                *(100 - metrics["lit_percent"], _counted(len(photos.radiance)), x, y, z, share),
             )
     return OrientationMap(
         orientation_rad=found[TANGENT],
@@ -205,6 +207,10 @@ def flash_orientation(
         standard_error_rad=found[ERROR],
         metrics=metrics,
     )
+
+
+def _counted(photographs: int) -> str:
+    return "the first photograph" if photographs == 1 else f"{photographs} photographs"
 
 
 def _levels(photos: FlashPhotographs, tiles: Tiles, placed: Bench) -> tuple[float, float, float]:

@@ -15,7 +15,7 @@ from pipeline.data.flash_maps import Highlights
 from pipeline.data.gratings import OrientationMap, PeriodMap
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, refuse, zero_or_more
-from pipeline.optics.flash.common_fit import Common, Sample, common_fit
+from pipeline.optics.flash.common_fit import DEPTHS_UM, Common, Sample, common_fit
 from pipeline.optics.flash.constancy import SURE, error_of_common, verdict
 from pipeline.optics.flash.lobes import FWHM
 from pipeline.optics.flash.periods import ACROSS, Orders, best_periods
@@ -28,16 +28,23 @@ _tolerance_flash_period = {"period_um": 1e-3, "standard_error_um": 1e-2, "metric
 
 _STEP = 0.015
 """Of the periods tried, relative."""
+_LEAST_RATIO = 1.1
+"""Of the longest to the shortest: a best one of fewer steps is hardly told from their ends."""
 _SAMPLE = 20_000
 """Views from which common figures are fitted."""
 _ACROSS = 2.0
 _SMOOTH_RAD = float(np.deg2rad(6))
 """Turn from a pixel to its neighbours above which it may hold two gratings, and tells nothing of what all share."""
 _FEW_SMOOTH = 0.1
-_UNEXPLAINED = 0.25
-"""Residual, relative to brightness, beyond which there is a warning: fast turns within pixels leave 0.17."""
-_DOUBTFUL = 0.2
-"""The same, beyond which a pixel's period is not known."""
+_DOUBTFUL = 0.35
+"""Relative standard error beyond which a pixel's period is not known."""
+_WELL = 0.05
+"""Residual up to which one period tells the light and the depth, lest those follow from orders that were mistaken."""
+_UNEXPLAINED, _AT_BOUND = 0.25, 0.99
+"""Residual, relative to brightness, and part of the largest depth, beyond which there is a warning.
+
+Turns within pixels leave 0.17.
+"""
 _UNFILTERED_BANDWIDTH_NM = 100.0
 """About that of a camera's green channel."""
 
@@ -155,12 +162,13 @@ def flash_period(
     if method == "naive":
         return _naive(photos, tiles, placed, orientation, orders, share=share, longest_um=longest_um)
     scan = _Scan(photos, tiles, placed, orientation, np.exp(np.arange(np.log(shortest_um), np.log(longest_um), _STEP)))
-    one, each = scan.common(scan.of(orders, placed)[0, 0], orders)
-    common = min(one, each, key=lambda fit: fit.residual)
+    one, each = scan.common(_sure_ones(*scan.of(orders, placed)[0]), orders)
+    common = one if one.residual < _WELL else min(one, each, key=lambda fit: fit.residual)
     found = scan.of(common.orders, replace(placed, light_sigma_mm=common.light_sigma_mm))
     alone = _alone(orientation.orientation_rad)
     judged = verdict(np.where(alone, found, np.nan), one.residual, tolerance_percent)
-    _log.info("%s", judged.words)
+    tell = _log.info if np.isfinite(judged.percent) else _log.warning
+    tell("%s", judged.words)
     constant = judged.constant if kind == "auto" else kind == "constant"
     period, error = found[0].astype(np.float32)
     known = error < _DOUBTFUL * period
@@ -177,9 +185,12 @@ def flash_period(
         metrics["period_um"] = one.period_um or np.nan
         error = np.full_like(error, error_of_common(np.where(sure, period, np.nan)))
         period = np.full_like(period, metrics["period_um"])
-    if common.residual > _UNEXPLAINED:
+    deepest = (common.orders.depth_um or 0.0) > _AT_BOUND * DEPTHS_UM[1]
+    if common.residual > _UNEXPLAINED or deepest:
         _log.warning(
-            "lobes leave %.0f percent of the brightness unexplained: periods are doubtful", 100 * common.residual
+            "lobes leave %.0f percent of the brightness unexplained: periods are doubtful, and half of what they are "
+            "where the second order outshines the first",
+            100 * common.residual,
         )
     metrics |= {
         "light_sigma_mm": common.light_sigma_mm,
@@ -265,7 +276,9 @@ class _Scan:
         known = period_um[np.isfinite(period_um)]
         if not known.size:
             raise InputError(
-                "no pixel is bright where an order would be", expected="photographs with a filter before the camera"
+                "no pixel is bright where an order would be",
+                where="shortest_um, longest_um",
+                expected="a range that holds the sheet's periods, and photographs with a filter before the camera",
             )
         start = {"period_um": float(np.median(known)), "light_sigma_mm": self.placed.light_sigma_mm or 1.0}
         return common_fit(self.sample(None), orders, **start), common_fit(self.sample(period_um), orders, **start)
@@ -309,13 +322,20 @@ def _alone(orientation_rad: Array) -> NDArray[np.bool_]:
     return smooth if smooth.sum() > _FEW_SMOOTH * known.sum() else known
 
 
+def _sure_ones(period_um: Array, error_um: Array) -> Array:
+    """Periods of which no other fits nearly as well; all where there are none."""
+    sure = np.where(error_um < SURE * period_um, period_um, np.nan)
+    return sure if np.isfinite(sure).any() else period_um
+
+
 def _orders(photos: FlashPhotographs, wavelength_nm: float | None) -> Orders:
     wavelength = wavelength_nm or photos.wavelength_nm
     if wavelength is None:
         raise InputError(
             "the photographs were taken without a filter",
             where="wavelength_nm",
-            expected="photographs with one: each wavelength is diffracted elsewhere",
+            expected="photographs with one, and its wavelength_nm in capture.yaml: each wavelength is diffracted "
+            "elsewhere",
         )
     if photos.wavelength_nm is None:
         _log.warning("without a filter all wavelengths are seen at once: periods are wrong")
@@ -343,6 +363,8 @@ def _naive(
         peak[rows] = np.nan_to_num(outside).max(axis=0)
 
     over_blocks(photos, tiles, placed, brightest)
+    if not orientation.mask.any():
+        raise InputError("no orientation of the tile is known", expected="orientations of some pixels")
     level = share * float(np.percentile(peak[orientation.mask], 99.5))
     period = np.full(shape, np.nan, np.float32)
     every: list[NDArray[np.float64]] = []
@@ -405,4 +427,4 @@ def _check_flash_period(
             coherence_um=coherence_um,
         ),
     )
-    refuse(unordered(shortest_um, longest_um))
+    refuse(unordered(shortest_um, longest_um, least_ratio=_LEAST_RATIO))

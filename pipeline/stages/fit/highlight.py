@@ -70,25 +70,33 @@ def highlight(
     stated = mirror_point(photos.light_mm, photos.camera_mm)
     extent_mm = np.array([columns, rows]) * pixel / 2
     saturated, outside = np.zeros(count, bool), np.zeros(count, bool)
+    beyond: NDArray[np.bool_] = np.any(np.abs(stated) > extent_mm, axis=1)
     for index, (radiance, valid) in enumerate(zip(photos.radiance, photos.valid, strict=True)):
         brightness = radiance.mean(axis=-1, dtype=np.float32)
         column, row, spread = bright_spot(brightness, pattern_mm / pixel)
         edge = min(column, row, columns - 1 - column, rows - 1 - row)
-        outside[index] = edge < 0.5 * spread or bool((np.abs(stated[index]) > extent_mm).any())
+        outside[index] = edge < 0.5 * spread or beyond[index]
         saturated[index] = _unread(valid, column, row, _NEIGHBOURHOOD_MM / pixel)
+        if beyond[index]:
+            _log.warning(
+                "flash %d shows no highlight: the stated places of flash and camera put it at (%.1f, %.1f) mm, outside "
+                "the sheet of %.4g x %.4g mm",
+                *(index + 1, *stated[index], *(2 * extent_mm)),
+            )
+            continue
         if outside[index]:
-            _log.warning("photograph %d shows no highlight: it lies on its edge or beyond", index)
+            _log.warning("flash %d shows no highlight: the brightest spot lies on the edge of the sheet", index + 1)
             continue
         if saturated[index]:
-            _log.warning("the highlight of photograph %d is too bright for every exposure: it looks too wide", index)
+            _log.warning("the highlight of flash %d is too bright for every exposure: it looks too wide", index + 1)
         place[index] = (column - (columns - 1) / 2) * pixel, ((rows - 1) / 2 - row) * pixel
         sigma[index] = spread * pixel
     away = np.linalg.norm(place - stated, axis=1)
     for off in np.flatnonzero(away > tolerance_mm):
         _log.warning(
-            "the highlight of photograph %d lies %.1f mm from where the stated places of flash and camera put it: at "
+            "the highlight of flash %d lies %.1f mm from where the stated places of flash and camera put it: at "
             "(%.1f, %.1f), not (%.1f, %.1f) mm",
-            *(off, away[off], *place[off], *stated[off]),
+            *(off + 1, away[off], *place[off], *stated[off]),
         )
     extent = _extent(photos, place, sigma, saturated, coherence_um)
     metrics = {"highlights_found": float(np.isfinite(sigma).sum()), "highlights_saturated": float(saturated.sum())}

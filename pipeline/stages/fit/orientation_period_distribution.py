@@ -113,7 +113,8 @@ def orientation_period_distribution(
         raise InputError(
             "the photographs were taken without a filter",
             where="wavelength_nm",
-            expected="photographs with one: of white light, many periods are bright at one place",
+            expected="photographs with one, and its wavelength_nm in capture.yaml: of "
+            "white light, many periods are bright at one place",
         )
     if photos.wavelength_nm is None:
         _log.warning("without a filter many periods are bright at one place: the distribution is redundant and wrong")
@@ -126,7 +127,7 @@ def orientation_period_distribution(
         coherence_um=coherence_um,
         keep_off=keep_off,
     )
-    pixel = photos.pixel_mm or 1.0
+    pixel = photos.pixel_mm or np.nan
     rows, columns = photos.valid.shape[1:]
     x, y = np.meshgrid((np.arange(columns) - (columns - 1) / 2) * pixel, ((rows - 1) / 2 - np.arange(rows)) * pixel)
     half = half_vectors(x, y, placed.light_mm[photograph], placed.eye_mm)
@@ -138,7 +139,7 @@ def orientation_period_distribution(
         period = wavelength / 1000 / half.length
     second = 0.0
     if method == "naive":
-        bright = brightness > share * np.nanpercentile(brightness, 99.5)
+        bright = brightness > share * np.percentile(brightness[usable], 99.5) if usable.any() else usable
         mean, count = bins.means(half.azimuth_rad, period, np.where(bright, brightness, np.nan))
         found = mean * count / max(float((mean * count).sum()), 1e-300)
         seen = bins.means(half.azimuth_rad, period, np.where(usable, 1.0, np.nan))[1] > 0
@@ -149,7 +150,9 @@ def orientation_period_distribution(
         window = {"coherence_um": coherence_um, "wavelength_um": wavelength / 1000}
         variance = light_variance(half, placed.light_sigma_mm) + point_variance(half, **window, pixel_mm=pixel)
         width, _ = bins.means(half.azimuth_rad, period, np.where(usable, variance, np.nan))
-        found, second = sharpened(plane, seen, width, wavelength / 1000, bins, _STEPS)
+        found = np.zeros(plane.shape)
+        if plane.any():
+            found, second = sharpened(plane, seen, width, wavelength / 1000, bins, _STEPS)
     if not found.any():
         raise InputError(
             "nothing outside the highlight is bright", expected="a photograph that shows orders of diffraction"

@@ -14,11 +14,14 @@ from pipeline.devices.sheet_theory import warn_of_theory
 from pipeline.devices.sheet_views import WIDEST_VIEW_DEG, blind_camera, camera_view, rectified_view, unusable_counts
 from pipeline.devices.virtual_environment import Gratings, render_in_environment
 from pipeline.devices.virtual_light import WAVELENGTH_STEPS_NM
-from pipeline.devices.virtual_sheet import MOST_SAMPLES, automatic_samples
+from pipeline.devices.virtual_sheet import MOST_SAMPLES
 from pipeline.errors import InputError
 from pipeline.limits import above_zero, above_zero_up_to, at_least, refuse, within, zero_or_more
 from pipeline.optics.environment.probe import Probe, pose
 from pipeline.stages.render._sheets import check_size, offset_note, sheet_of
+
+_SEVERAL_TILES = 960
+"""Pixels along the longer side, of which each is the mean of many points."""
 
 _tolerance_environment = {"rgb": 1e-3}
 
@@ -86,7 +89,7 @@ def environment(
     field_of_view_deg : float, optional
         Across its width; by default as wide as shows the whole sheet.
     size_px : [columns, rows], optional
-        Of the picture; by default as of ``render.point_light``.
+        Of the picture; by default a pixel for each point of the maps, of several tiles at most 960 along a side.
     evaluator : {"auto", "reference", "ordered", "low_rank", "brute"}
         ``reference``: all orders every 5 nm, in double precision. ``ordered``: only as many look-ups, the most
         important first, as the tolerance needs. ``low_rank``: from values at few directions of view, orientations and
@@ -100,9 +103,11 @@ def environment(
     refractive_index : float, optional
         Of a film over the gratings whose Schlick reflectance grows towards grazing light; by default a mirror's.
     samples : int, optional
-        Points along each side of a pixel; by default one for each point of the maps that it shows.
+        Points along each side of a pixel; by default as many of the points of the maps that it shows as change it by
+        more than the tolerance, or by 16.
     tolerance : float
-        Error relative to the largest value that fast evaluators may make on all but a thousandth of the pixels.
+        Error relative to the largest value that fast evaluators may make on all but a thousandth of the pixels, share
+        of the light that they may leave out, and root mean square of what more samples may change.
 
     Returns
     -------
@@ -122,7 +127,7 @@ def environment(
     sheet = sheet_of(orientation, period, bumps, width_mm=width_mm, tiles=tiles)
     camera = np.asarray(camera_mm, np.float64)
     if view == "rectified":
-        seen = rectified_view(sheet, camera, size_px)
+        seen = rectified_view(sheet, camera, size_px, most_px=_SEVERAL_TILES if sheet.tiles != (1, 1) else None)
     else:
         seen = camera_view(sheet, camera, target_mm, up, field_of_view_deg, size_px)
     check_size(len(rotation_deg), seen)
@@ -136,7 +141,7 @@ def environment(
             gratings,
             evaluator=evaluator,
             wavelength_step_nm=wavelength_step_nm,
-            samples=automatic_samples(sheet, seen, samples),
+            samples=samples,
             tolerance=tolerance,
         )
         for degrees in rotation_deg

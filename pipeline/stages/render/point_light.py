@@ -51,6 +51,7 @@ def point_light(
     field_of_view_deg: float | None = None,
     size_px: list[int] | None = None,
     evaluator: Literal["auto", "spectral", "tabulated"] = "auto",
+    precision: Literal["single", "double"] = "single",
     wavelength_step_nm: float = 5.0,
     orders: Literal["exact", "second order"] = "exact",
     refractive_index: float | None = None,
@@ -103,6 +104,8 @@ def point_light(
     evaluator : {"auto", "spectral", "tabulated"}
         The sum over wavelengths in double precision, or a look-up in a table of colours. ``auto`` takes the table for
         large pictures if it keeps the tolerance on some of their pixels, and says what it took.
+    precision : {"single", "double"}
+        Of the look-ups; single is faster, and as exact as a table is.
     wavelength_step_nm : float
         Step of the spectral sum.
     orders : {"exact", "second order"}
@@ -167,6 +170,7 @@ def point_light(
         if anti_aliased
         else POINTS,
         tolerance=tolerance,
+        precision=precision,
         together=together,
     )
     return PictureSeries(
