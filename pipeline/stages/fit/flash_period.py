@@ -40,10 +40,10 @@ _DOUBTFUL = 0.35
 """Relative standard error beyond which a pixel's period is not known."""
 _WELL = 0.05
 """Residual up to which one period tells the light and the depth, lest those follow from orders that were mistaken."""
-_UNEXPLAINED, _AT_BOUND = 0.25, 0.99
+_UNEXPLAINED, _AT_BOUND = 0.18, 0.99
 """Residual, relative to brightness, and part of the largest depth, beyond which there is a warning.
 
-Turns within pixels leave up to 0.17.
+Turns within pixels leave 0.17.
 """
 _UNFILTERED_BANDWIDTH_NM = 100.0
 """About that of a camera's green channel."""
