@@ -68,12 +68,6 @@ def test_a_tile_that_does_not_repeat_is_lost_to_the_flash_alone(tmp_path: Path) 
     assert row_of(done, "cosine")["orientation_error_mean_deg"] < 2  # type: ignore[operator]
 
 
-def test_a_zeroth_order_that_keeps_the_polarisation_is_lost_to_the_polariser_alone(tmp_path: Path) -> None:
-    done = swept(tmp_path, *SMALL_SHEET, "scene=weak", "method=flash,cosine")
-    assert row_of(done, "flash")["orientation_error_median_deg"] < 2  # type: ignore[operator]
-    assert row_of(done, "cosine")["orientation_error_median_deg"] > 20  # type: ignore[operator]
-
-
 def test_effort_counts_exposures_and_says_what_is_claimed() -> None:
     angles = np.full((2, 2), 0.5, np.float32)
     known = OrientationMap.of_angles(angles, pixel_mm=0.3, absolute=True)

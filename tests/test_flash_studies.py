@@ -14,7 +14,7 @@ from pipeline.sweeps import Sweep, run_sweep
 SMALL = ("rig.camera.samples=1", "rig.light.wavelength_step_nm=5")
 PAPERS = {"polygons": "flash_polygons", "stars": "flash_stars", "kinematic": "flash_kinematic"}
 POINTS = {
-    "tradeoff_flash": (*SMALL, "paper=polygons", "sheet=1x1,3x2", "photographs=1,3", "method=lobe"),
+    "tradeoff_flash": (*SMALL, "paper=polygons", "sheet=3x2", "photographs=1,3", "method=lobe"),
     "tradeoff_flash_camera": (*SMALL, "paper=polygons", "camera=px_600", "photographs=1", "method=threshold_3,lobe"),
     "tradeoff_flash_period": (
         *SMALL,
@@ -55,11 +55,10 @@ def test_the_papers_are_those_of_their_experiments(paper: str, experiment: str) 
         assert study[name].settings == own[name].settings
 
 
-def test_more_tiles_and_photographs_light_more_and_the_whole_chain_is_timed(tmp_path: Path) -> None:
+def test_more_photographs_light_more_and_the_whole_chain_is_timed(tmp_path: Path) -> None:
     done = swept(tmp_path, "tradeoff_flash")
-    unlit = figures(done, "masked_share_percent", "sheet", "photographs")
-    assert unlit["1x1", "1"] > 90
-    assert unlit["3x2", "3"] < min(unlit["3x2", "1"], unlit["1x1", "3"])
+    unlit = figures(done, "masked_share_percent", "photographs")
+    assert unlit["3",] < unlit["1",] - 10
     row = done.table()[0]
     chain = ("merged", "rectified", "tiles", "highlights", "fit")
     assert row["timed_seconds"] == pytest.approx(sum(row[f"{name}_seconds"] for name in chain))
